@@ -1,0 +1,1 @@
+"""From a recipe to steps, readings, Stokes points, a live fit and files."""

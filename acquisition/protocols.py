@@ -1,0 +1,74 @@
+"""What the engine asks of a device: small Protocols that any driver can satisfy.
+
+Every slow action has two halves, a start that returns at once and a poll, so that one thread can let all devices work
+at the same time and can be interrupted between any two polls.
+"""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+
+class RotaryAxis(Protocol):
+    """One axis that turns; angles in degrees."""
+
+    name: str
+    settle_s: float
+    tolerance_deg: float
+
+    def start_move(self, target_deg: float) -> None:
+        """Begin to move; raises LimitError before the first byte when the target is outside the limits."""
+        ...
+
+    def is_moving(self) -> bool:
+        """Ask the device; raises DeviceFaultError or ReplyTimeoutError when the motion has failed."""
+        ...
+
+    def position_deg(self) -> float:
+        """Where the device says it is."""
+        ...
+
+    def stop(self) -> None:
+        """Stop at once; safe to call at any time."""
+        ...
+
+
+class Analyzer(Protocol):
+    """A polarization analyzer that takes one of several numbered slots."""
+
+    name: str
+    settle_s: float
+
+    def start_select(self, slot: int) -> None:
+        """Begin to bring a slot into the beam."""
+        ...
+
+    def is_moving(self) -> bool:
+        """Whether the slot is still on its way; raises ReplyTimeoutError when it does not arrive."""
+        ...
+
+    def slot(self) -> int:
+        """Which slot the device says is in the beam."""
+        ...
+
+    def stop(self) -> None:
+        """Stop at once, where the device can; safe to call at any time."""
+        ...
+
+
+class Detector(Protocol):
+    """A detector of optical power."""
+
+    name: str
+
+    def start_reading(self, exposure_s: float) -> None:
+        """Begin one reading."""
+        ...
+
+    def is_reading(self) -> bool:
+        """Whether the reading is still being taken; raises ReplyTimeoutError when it does not come."""
+        ...
+
+    def power_w(self) -> float:
+        """The finished reading; raises DeviceFaultError when the detector was saturated."""
+        ...

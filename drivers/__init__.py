@@ -1,0 +1,1 @@
+"""Talk to hardware: one file a device family. Knows protocols and units, no physics."""

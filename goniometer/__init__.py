@@ -1,0 +1,59 @@
+"""Run a polarimetric goniometer from a YAML recipe and fit the material while it scans.
+
+The public face re-exports lazily, so that ``import goniometer`` stays cheap::
+
+    Surface   a surface composed of reflection lobes   (model)
+    fit       fit a surface model to Stokes data        (model)
+    run       run a recipe                              (goniometer)
+    simulate  serve a scene as a simulated bench        (goniometer)
+    load      the readings and Stokes points of a run   (goniometer)
+"""
+
+from __future__ import annotations
+
+import importlib
+import importlib.util
+from pathlib import Path
+from typing import Any
+
+__version__ = "0.1.0"
+
+_PARTS = ("model", "drivers", "acquisition", "sim_devices")
+_PUBLIC = {
+    "Surface": ("model.surface", "Surface"),
+    "fit": ("model.fit", "fit"),
+    "run": ("goniometer.run", "run"),
+    "simulate": ("goniometer.bench", "simulate"),
+    "load": ("goniometer.load", "load"),
+}
+__all__ = ["Surface", "__version__", "fit", "load", "run", "simulate"]
+
+
+def _refuse_hidden_parts() -> None:
+    """Raise ImportError when a stranger's module stands where one of our packages should.
+
+    The packages have plain names, so a user's own ``model.py`` in the working folder would be imported in place of ours
+    and fail much later, in an unrelated line.
+    """
+    home = Path(__file__).resolve().parent.parent
+    for name in _PARTS:
+        spec = importlib.util.find_spec(name)
+        if spec is None:
+            raise ImportError(f"goniometer's package '{name}' is not installed. Reinstall: pip install goniometer")
+        found = Path(spec.origin or next(iter(spec.submodule_search_locations or [""]), "")).resolve()
+        if found != home / name / "__init__.py":
+            raise ImportError(
+                f"{found} hides goniometer's package '{name}', which is in {home / name}. "
+                f"Nothing was loaded. Rename that file or folder, or start Python in another folder."
+            )
+
+
+_refuse_hidden_parts()
+
+
+def __getattr__(name: str) -> Any:
+    try:
+        module, attribute = _PUBLIC[name]
+    except KeyError:
+        raise AttributeError(f"module 'goniometer' has no attribute '{name}'") from None
+    return getattr(importlib.import_module(module), attribute)

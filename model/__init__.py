@@ -1,0 +1,1 @@
+"""Physics, numerics and fitting of polarized reflectance: arrays in, arrays out; angles in radians."""
