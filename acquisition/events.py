@@ -60,6 +60,14 @@ class FitUpdated:
 
 
 @dataclass(frozen=True)
+class FitRefused:
+    """The live fit cannot say anything from the points up to `points`; the scan goes on."""
+
+    points: int
+    reason: str
+
+
+@dataclass(frozen=True)
 class ScanEnded:
     """The bench is safe. `reason` is ``"finished"``, or what ended the scan early."""
 
@@ -68,5 +76,5 @@ class ScanEnded:
     bench_duration_s: float
 
 
-Event = ScanStarted | StepStarted | ReadingStored | PointReduced | FitUpdated | ScanEnded
+Event = ScanStarted | StepStarted | ReadingStored | PointReduced | FitUpdated | FitRefused | ScanEnded
 Subscriber = Callable[[Event], None]

@@ -37,7 +37,7 @@ class StokesPoint:
     """The Stokes parameters of one direction: S0, S1, S2 in 1/sr per unit irradiance, with covariance.
 
     `stokes` has shape (3,), `covariance` (3, 3). `dolp` is the plain ratio, `dolp_debiased` has the bias that noise
-    adds removed; `aolp_deg` is in (-90, 90], measured from the s-direction.
+    adds removed; both are NaN where noise has made S0 negative. `aolp_deg` is in (-90, 90], from the s-direction.
     """
 
     point: int

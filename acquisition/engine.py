@@ -1,0 +1,204 @@
+"""Runs steps on a bench: moves overlap, every wait can be interrupted, any way out stops the bench."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+
+from acquisition.events import Event, ReadingStored, StepStarted
+from acquisition.expand import Step
+from acquisition.journal import Journal
+from acquisition.protocols import Analyzer, Detector, RotaryAxis
+from acquisition.readings import Reading
+from acquisition.timing import POLL_S
+from drivers.clock import Clock
+from goniometer.errors import DeviceError, PositionError
+
+_SLICE_S = 0.1
+"""Longest time between two checks for an interruption."""
+
+
+@dataclass(frozen=True)
+class Bench:
+    """The devices of a goniometer, by their roles."""
+
+    source_arm: RotaryAxis
+    detector_arm: RotaryAxis
+    sample_azimuth: RotaryAxis
+    analyzer: Analyzer
+    detector: Detector
+
+    def stop(self) -> list[DeviceError]:
+        """Stop everything that can move, whatever fails on the way; returns what could not be stopped."""
+        failures = []
+        for device in (self.source_arm, self.detector_arm, self.sample_azimuth, self.analyzer):
+            try:
+                device.stop()
+            except DeviceError as error:
+                failures.append(error)
+        return failures
+
+
+@contextmanager
+def stopped_afterwards(bench: Bench) -> Iterator[None]:
+    """Stop the bench on every way out of the block.
+
+    Raises
+    ------
+    DeviceError or ExceptionGroup
+        When a device could not be stopped: that outranks, and carries, the error that ended the block.
+    """
+    try:
+        yield
+    except BaseException as error:
+        if failures := bench.stop():
+            raise BaseExceptionGroup("The scan failed and not every device could be stopped", [error, *failures]) from None
+        raise
+    if failures := bench.stop():
+        raise ExceptionGroup("Not every device could be stopped", failures)
+
+
+class Engine:
+    """Takes the readings of a scan, one step after another, in one thread.
+
+    Parameters
+    ----------
+    bench : Bench
+        The devices, connected.
+    clock : Clock
+        The bench's clock; everything waits on it.
+    journal : Journal
+        Where each reading is stored before anybody hears of it.
+    publish : callable
+        Called with each event.
+    check : callable
+        Called between any two waits; raises to end the scan.
+    """
+
+    def __init__(
+        self,
+        bench: Bench,
+        clock: Clock,
+        journal: Journal,
+        publish: Callable[[Event], None],
+        check: Callable[[], None],
+    ) -> None:
+        self._bench, self._clock, self._journal = bench, clock, journal
+        self._publish, self._check = publish, check
+        self.readings_taken = 0
+
+    def run(self, steps: Sequence[Step]) -> None:
+        """Run all steps; the caller stops the bench afterwards (`stopped_afterwards`).
+
+        Raises
+        ------
+        DeviceError
+            When a device fails; the readings stored so far are safe.
+        ScanInterrupted
+            When `check` says so.
+        """
+        time_left_s = sum(step.duration_s for step in steps)
+        for step in steps:
+            target = step.target
+            self._publish(
+                StepStarted(
+                    step.point,
+                    target.incidence_deg,
+                    target.exit_deg,
+                    target.azimuth_deg,
+                    target.slot,
+                    self.readings_taken,
+                    time_left_s,
+                )
+            )
+            self._move(step)
+            positions_deg = self._read_back(step)
+            for repeat in range(step.readings):
+                self._take_reading(step, repeat, positions_deg)
+            time_left_s -= step.duration_s
+
+    def _axes(self, step: Step) -> tuple[tuple[RotaryAxis, float], ...]:
+        bench, target = self._bench, step.target
+        return (
+            (bench.source_arm, target.incidence_deg),
+            (bench.detector_arm, target.exit_deg),
+            (bench.sample_azimuth, target.azimuth_deg),
+        )
+
+    def _move(self, step: Step) -> None:
+        """Start every motion that the step needs, then wait until all have ended and settled."""
+        self._check()
+        analyzer = self._bench.analyzer
+        moving: list[RotaryAxis | Analyzer] = []
+        for axis, target_deg in self._axes(step):
+            if abs(axis.position_deg() - target_deg) > axis.tolerance_deg:
+                axis.start_move(target_deg)
+                moving.append(axis)
+        if analyzer.slot() != step.target.slot:
+            analyzer.start_select(step.target.slot)
+            moving.append(analyzer)
+        if moving:
+            settle_s = max(device.settle_s for device in moving)
+            while moving:
+                self._wait(POLL_S)
+                moving = [device for device in moving if device.is_moving()]
+            self._wait(settle_s)
+
+    def _read_back(self, step: Step) -> list[float]:
+        positions_deg = []
+        for axis, target_deg in self._axes(step):
+            position_deg = axis.position_deg()
+            if abs(position_deg - target_deg) > axis.tolerance_deg:
+                raise PositionError(
+                    axis.name,
+                    f"stands at {position_deg:g} degrees after a move to {target_deg:g} degrees "
+                    f"(tolerance {axis.tolerance_deg:g} degrees)",
+                    not_done="the readings there",
+                    to_do="check that nothing touches the stage, home it, then run the recipe again",
+                )
+            positions_deg.append(position_deg)
+        slot = self._bench.analyzer.slot()
+        if slot != step.target.slot:
+            raise PositionError(
+                self._bench.analyzer.name,
+                f"slot {slot} is in the beam instead of slot {step.target.slot}",
+                not_done="the readings there",
+                to_do="check that nobody turned the wheel by hand, then run the recipe again",
+            )
+        return positions_deg
+
+    def _take_reading(self, step: Step, repeat: int, positions_deg: list[float]) -> None:
+        detector = self._bench.detector
+        time_s = self._clock.now()
+        detector.start_reading(step.exposure_s)
+        self._wait(step.exposure_s)
+        while detector.is_reading():
+            self._wait(POLL_S)
+        incidence_deg, exit_deg, azimuth_deg = positions_deg
+        reading = Reading(
+            point=step.point,
+            kind=step.kind,
+            repeat=repeat,
+            time_s=time_s,
+            incidence_deg=incidence_deg,
+            exit_deg=exit_deg,
+            azimuth_deg=azimuth_deg,
+            slot=step.target.slot,
+            analyzer_deg=step.analyzer_deg,
+            exposure_s=step.exposure_s,
+            power_w=detector.power_w(),
+        )
+        self._journal.append(reading)
+        self.readings_taken += 1
+        self._publish(ReadingStored(reading))
+
+    def _wait(self, duration_s: float) -> None:
+        """Let time pass in slices, so that an interruption is noticed soon."""
+        end_s = self._clock.now() + duration_s
+        while True:
+            self._check()
+            left_s = end_s - self._clock.now()
+            if left_s <= 0.0:
+                return
+            self._clock.sleep(min(left_s, _SLICE_S))

@@ -1,0 +1,33 @@
+"""From the Stokes points of a scan to the fit's arrays: the one place where degrees become radians."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from acquisition.readings import StokesPoint
+from acquisition.recipe import FitChoice
+from model.fit import StokesData, SurfaceFamily
+from model.geometry import in_plane
+
+
+def stokes_data(points: Sequence[StokesPoint]) -> StokesData:
+    """Stack points into arrays; a signed exit angle becomes an exit angle and an azimuth."""
+    exit_rad, azimuth_rad = in_plane(np.radians([point.exit_deg for point in points]))
+    return StokesData(
+        incidence_rad=np.radians([point.incidence_deg for point in points]),
+        exit_rad=exit_rad,
+        azimuth_rad=azimuth_rad,
+        stokes=np.array([point.stokes for point in points]),
+        covariance=np.array([point.covariance for point in points]),
+    )
+
+
+def surface_family(choice: FitChoice) -> SurfaceFamily:
+    """The surfaces that a recipe's fit section allows."""
+    return SurfaceFamily(
+        lobes=tuple(choice.lobes),
+        free={name: (low, high) for name, (low, high) in choice.free.items()},
+        fixed=dict(choice.fixed),
+    )

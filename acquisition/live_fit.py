@@ -1,0 +1,89 @@
+"""Fits while the scan runs, in its own thread, and never holds the scan up: the newest state wins."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Sequence
+from types import TracebackType
+from typing import Self
+
+from acquisition.events import FitRefused, FitUpdated
+from acquisition.fit_points import stokes_data
+from acquisition.readings import StokesPoint
+from goniometer.errors import FitError
+from model.fit import FitResult, SurfaceFamily, fit
+
+_POOR_FIT = 3.0
+"""Chi-square per degree of freedom above which a warm start is not trusted and the search begins anew."""
+
+
+class LiveFit:
+    """Refits after every point from the last optimum; states that come while a fit runs replace each other.
+
+    Parameters
+    ----------
+    family : SurfaceFamily
+        What is fitted.
+    search : str
+        The search used when there is no last optimum, or it fits poorly.
+    """
+
+    def __init__(self, family: SurfaceFamily, search: str) -> None:
+        self._family, self._search = family, search
+        self._condition = threading.Condition()
+        self._submitted: Sequence[StokesPoint] | None = None
+        self._news: FitUpdated | FitRefused | None = None
+        self._ended = False
+        self._thread = threading.Thread(target=self._work, name="live fit", daemon=True)
+
+    def submit(self, points: Sequence[StokesPoint]) -> None:
+        """Hand over all points so far; returns at once. A state not yet begun is dropped."""
+        with self._condition:
+            self._submitted = points
+            self._condition.notify()
+
+    def news(self) -> FitUpdated | FitRefused | None:
+        """What the thread has found since it was last asked."""
+        with self._condition:
+            news, self._news = self._news, None
+            return news
+
+    def __enter__(self) -> Self:
+        self._thread.start()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        with self._condition:
+            self._ended = True
+            self._condition.notify()
+        self._thread.join()
+
+    def _work(self) -> None:
+        last: FitResult | None = None
+        while True:
+            with self._condition:
+                self._condition.wait_for(lambda: self._ended or self._submitted is not None)
+                if self._ended:
+                    return
+                points, self._submitted = self._submitted, None
+            assert points is not None, "the wait ends only with points or with the end"
+            try:
+                last = self._fit(points, last)
+                news: FitUpdated | FitRefused = FitUpdated(len(points), last)
+            except FitError as error:
+                news = FitRefused(len(points), str(error))
+            except Exception as error:  # noqa: BLE001 (a fault of the fit must not cost the scan its readings)
+                news = FitRefused(len(points), f"the live fit has stopped: {type(error).__name__}: {error}")
+            with self._condition:
+                self._news = news
+
+    def _fit(self, points: Sequence[StokesPoint], last: FitResult | None) -> FitResult:
+        data = stokes_data(points)
+        if last is not None:
+            start = {name: estimate.value for name, estimate in last.parameters.items()}
+            result = fit(data, self._family, start=start)
+            if result.chi_square <= _POOR_FIT * max(result.degrees_of_freedom, 1):
+                return result
+        return fit(data, self._family, search=self._search)

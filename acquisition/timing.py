@@ -1,0 +1,58 @@
+"""How long moves and readings take: what the planner knows of a bench without touching it."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+POLL_S = 0.02
+"""How often a moving device is asked whether it has arrived."""
+
+EXCHANGE_S = 0.01
+"""A question and its answer on a serial line: 20 characters at 19200 baud, or a controller's own latency."""
+
+
+@dataclass(frozen=True)
+class AxisTiming:
+    """An axis that accelerates evenly to its speed, then needs `settle_s` to come to rest."""
+
+    velocity_deg_s: float
+    acceleration_deg_s2: float
+    settle_s: float
+
+    def move_s(self, distance_deg: float) -> float:
+        """Duration of a move: a trapezoidal profile, or a triangle when full speed is not reached."""
+        distance_deg = abs(distance_deg)
+        if distance_deg == 0.0:
+            return 0.0
+        if distance_deg < self.velocity_deg_s**2 / self.acceleration_deg_s2:
+            return 2.0 * math.sqrt(distance_deg / self.acceleration_deg_s2)
+        return distance_deg / self.velocity_deg_s + self.velocity_deg_s / self.acceleration_deg_s2
+
+
+@dataclass(frozen=True)
+class AnalyzerTiming:
+    """A wheel of `slots` positions that goes the shorter way round, `slot_s` for each neighbour."""
+
+    slots: int
+    slot_s: float
+    settle_s: float
+
+    def distance(self, start: int, end: int) -> int:
+        """Number of neighbours passed from one slot to another, the shorter way round."""
+        apart = abs(start - end) % self.slots
+        return min(apart, self.slots - apart)
+
+    def move_s(self, start: int, end: int) -> float:
+        """Duration of the wheel's move."""
+        return self.distance(start, end) * self.slot_s
+
+
+@dataclass(frozen=True)
+class BenchTiming:
+    """The timing of every part of the bench."""
+
+    source_arm: AxisTiming
+    detector_arm: AxisTiming
+    sample_azimuth: AxisTiming
+    analyzer: AnalyzerTiming

@@ -1,0 +1,97 @@
+"""The bench a scan runs on: simulated here, served by another process, or real hardware."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+from drivers.clock import Clock, WallClock
+from goniometer.errors import ConfigurationError
+from goniometer.load_files import Setup, load_scene
+from goniometer.rig_file import Rig
+from sim_devices.bench import Bench as SimulatedBench
+from sim_devices.clock import ScaledClock, VirtualClock
+from sim_devices.control import RemoteClock
+from sim_devices.scene import Scene
+
+Speed = float | Literal["max"]
+
+
+@dataclass(frozen=True)
+class BenchAccess:
+    """How to reach a bench: its clock, the ports of its devices and, when simulated, the text of its scene."""
+
+    clock: Clock
+    ports: Mapping[str, str]
+    scene_text: str
+
+
+@contextmanager
+def simulate(scene: Scene | str | Path, speed: Speed = 1.0) -> Iterator[SimulatedBench]:
+    """Serve a scene as a simulated bench on loopback while the block lasts.
+
+    Parameters
+    ----------
+    scene : Scene, str or Path
+        The scene, or the file that holds it.
+    speed : float or "max"
+        Seconds of the bench in a second of real time; "max" is virtual time, where whoever waits moves the clock on.
+
+    Yields
+    ------
+    sim_devices.bench.Bench
+        Its `addresses` say where each device listens, its `clock` is the bench's time.
+    """
+    if not isinstance(scene, Scene):
+        scene = load_scene(Path(scene)).scene
+    bench = SimulatedBench(scene, VirtualClock() if speed == "max" else ScaledClock(speed))
+    bench.start()
+    try:
+        yield bench
+    finally:
+        bench.stop()
+
+
+@contextmanager
+def access(setup: Setup, speed: Speed | None) -> Iterator[BenchAccess]:
+    """The bench that a recipe's rig asks for, while the block lasts.
+
+    Raises
+    ------
+    ConfigurationError
+        When a speed is asked of a bench that this process does not simulate.
+    NotConnectedError
+        When a bench served elsewhere does not answer.
+    """
+    rig = setup.rig
+    ports = {name: device.port for name, device in rig.devices.items()}
+    if rig.bench is not None:
+        _refuse_speed(speed, setup, "the bench is served by another process: give --speed to goniometer simulate")
+        clock = RemoteClock(rig.bench)
+        try:
+            yield BenchAccess(clock, ports, clock.scene_text)
+        finally:
+            clock.close()
+    elif rig.is_simulated:
+        assert setup.scene is not None, "a simulated rig is only accepted with a scene"
+        with simulate(setup.scene, 1.0 if speed is None else speed) as bench:
+            yield BenchAccess(bench.clock, served_ports(rig, bench), setup.scene_text)
+    else:
+        _refuse_speed(speed, setup, "real devices keep their own time")
+        yield BenchAccess(WallClock(), ports, "")
+
+
+def served_ports(rig: Rig, bench: SimulatedBench) -> dict[str, str]:
+    """The ports of a rig's devices, with the bench's addresses for those that are simulated."""
+    return {
+        name: bench.addresses[name].tcp if device.port == "simulated" else device.port
+        for name, device in rig.devices.items()
+    }
+
+
+def _refuse_speed(speed: Speed | None, setup: Setup, reason: str) -> None:
+    if speed is not None:
+        raise ConfigurationError([f"{setup.rig_path}: --speed {speed} cannot be kept: {reason}. Nothing was moved."])

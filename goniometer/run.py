@@ -1,0 +1,144 @@
+"""Run a recipe from beginning to end: bench, scan, live fit, results."""
+
+from __future__ import annotations
+
+import importlib.metadata
+import platform
+import sys
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+
+from acquisition import journal
+from acquisition.engine import Bench, Engine, stopped_afterwards
+from acquisition.events import ScanEnded, ScanStarted, Subscriber
+from acquisition.expand import Step
+from acquisition.fit_points import surface_family
+from acquisition.journal import Journal
+from acquisition.live_fit import LiveFit
+from acquisition.pipeline import Pipeline
+from drivers.clock import Clock
+from goniometer.assembly import connected
+from goniometer.bench import Speed, access
+from goniometer.load_files import Setup, load_recipe
+from goniometer.planning import plan, reduction
+from goniometer.run_folder import StoredRun, load, new_run_folder, write_results
+from goniometer.signals import Interruption
+
+_SWITCH_INTERVAL_S = 2e-4
+"""How long the live fit's thread may keep the interpreter from the scan's; Python's default of 5 ms would be felt."""
+
+
+def run(
+    recipe_path: str | Path,
+    *,
+    rig_path: str | Path | None = None,
+    out: str | Path = "runs",
+    speed: Speed | None = None,
+    live_fit: bool = True,
+    subscribers: Sequence[Subscriber] = (),
+) -> StoredRun:
+    """Run a recipe, store every reading, fit while it runs, and write the results.
+
+    Parameters
+    ----------
+    recipe_path : str or Path
+        The recipe.
+    rig_path : str or Path, optional
+        A rig file in place of the recipe's.
+    out : str or Path
+        Where the run's folder is made.
+    speed : float or "max", optional
+        Time scale of a simulated bench.
+    live_fit : bool
+        Whether to fit while the scan runs; the final fit is made in any case.
+    subscribers : sequence of callable
+        Called with every event of the scan, in the calling thread.
+
+    Returns
+    -------
+    StoredRun
+        The run, read back from its journal.
+
+    Raises
+    ------
+    ConfigurationError
+        When recipe, rig or scene cannot be used; nothing was opened.
+    DeviceError
+        When a device fails. The bench is stopped; the readings so far are in the journal.
+    ScanInterrupted
+        On Ctrl-C, SIGTERM or SIGHUP; likewise.
+    """
+    setup = load_recipe(Path(recipe_path), Path(rig_path) if rig_path else None)
+    steps = plan(setup.recipe, setup.rig)
+    with ExitStack() as stack:
+        interruption = stack.enter_context(Interruption())
+        bench_access = stack.enter_context(access(setup, speed))
+        bench = stack.enter_context(
+            connected(setup.rig, bench_access.ports, bench_access.clock, setup.recipe.wavelength_nm)
+        )
+        interruption.check()
+        folder = new_run_folder(Path(out), setup.recipe.recipe)
+        about = _about(setup, bench_access.scene_text)
+        stored = stack.enter_context(Journal.create(folder / journal.FILE_NAME, about))
+        fitting = stack.enter_context(LiveFit(surface_family(setup.recipe.fit), setup.recipe.fit.search)) if live_fit else None
+        pipeline = Pipeline(steps, reduction(setup.recipe, setup.rig), fitting, subscribers)
+        stack.enter_context(_switching_threads_often())
+        pipeline.publish(
+            ScanStarted(
+                run=str(folder),
+                recipe=setup.recipe.recipe,
+                points=len({step.point for step in steps}),
+                readings=sum(step.readings for step in steps),
+                expected_duration_s=sum(step.duration_s for step in steps),
+                truth=parse_scene(bench_access.scene_text).truth() if bench_access.scene_text else {},
+            )
+        )
+        engine = Engine(bench, bench_access.clock, stored, pipeline.publish, interruption.check)
+        try:
+            _scan(engine, bench, steps, bench_access.clock, pipeline)
+        except BaseException as error:
+            error.add_note(f"Every reading shown is stored. Look at them with: goniometer fit {folder}")
+            raise
+    result = load(folder)
+    write_results(result)
+    return result
+
+
+def _scan(engine: Engine, bench: Bench, steps: Sequence[Step], clock: Clock, pipeline: Pipeline) -> None:
+    start_s = clock.now()
+    reason = "finished"
+    try:
+        with stopped_afterwards(bench):
+            engine.run(steps)
+    except BaseException as error:
+        reason = str(error) or type(error).__name__
+        raise
+    finally:
+        pipeline.publish(ScanEnded(reason, engine.readings_taken, clock.now() - start_s))
+
+
+@contextmanager
+def _switching_threads_often() -> Iterator[None]:
+    before_s = sys.getswitchinterval()
+    sys.setswitchinterval(_SWITCH_INTERVAL_S)
+    try:
+        yield
+    finally:
+        sys.setswitchinterval(before_s)
+
+
+def _about(setup: Setup, scene_text: str) -> dict[str, str]:
+    """What a run must remember to be understood and repeated."""
+    about = {
+        "recipe": setup.recipe_text,
+        "rig": setup.rig_text,
+        "scene": scene_text,
+        "python": platform.python_version(),
+        "platform": platform.platform(),
+    }
+    for package in ("goniometer", "numpy", "scipy", "pyserial", "pymodbus"):
+        about[package] = importlib.metadata.version(package)
+    if scene_text:
+        about["seed"] = str(parse_scene(scene_text).seed)
+    return about

@@ -1,0 +1,126 @@
+"""A run's folder: the journal of its readings and everything made from them."""
+
+from __future__ import annotations
+
+import json
+import re
+from dataclasses import dataclass
+from datetime import datetime
+from pathlib import Path
+
+import yaml
+
+from acquisition import journal
+from acquisition.fit_points import stokes_data, surface_family
+from acquisition.journal import Journal
+from acquisition.nexus import write_nexus
+from acquisition.readings import Reading, StokesPoint
+from acquisition.recipe import Recipe
+from acquisition.stokes_csv import write_stokes_csv
+from goniometer.errors import FitError, JournalError
+from goniometer.planning import reduction
+from goniometer.report import draw_report
+from goniometer.rig_file import Rig
+from model.fit import FitResult, fit
+from sim_devices.scene import Scene
+
+
+@dataclass(frozen=True)
+class StoredRun:
+    """A stored run: its readings, the Stokes points they reduce to, and the fit of these.
+
+    `fit` is None, and `refusal` says why, when the points do not determine the parameters. `truth` is empty unless
+    the sample was simulated; `about` holds the texts and versions that the journal remembers.
+    """
+
+    folder: Path
+    recipe: Recipe
+    readings: tuple[Reading, ...]
+    points: tuple[StokesPoint, ...]
+    fit: FitResult | None
+    refusal: str
+    truth: dict[str, float]
+    about: dict[str, str]
+
+
+def new_run_folder(out: Path, recipe_name: str) -> Path:
+    """Make a folder for a new run, named by time and recipe.
+
+    Raises
+    ------
+    JournalError
+        When it cannot be made.
+    """
+    name = re.sub(r"[^a-z0-9]+", "-", recipe_name.lower()).strip("-") or "scan"
+    stem = f"{datetime.now():%Y-%m-%dT%H-%M-%S}-{name}"
+    for suffix in ("", *(f"-{number}" for number in range(2, 1000))):
+        folder = out / f"{stem}{suffix}"
+        try:
+            folder.mkdir(parents=True)
+        except FileExistsError:
+            continue
+        except OSError as error:
+            raise JournalError(
+                f"The run's folder {folder} cannot be made: {error.strerror}. No device was moved. Choose another with --out."
+            ) from error
+        return folder
+    raise JournalError(f"{out} holds a thousand runs named {stem}. No device was moved. Choose another folder with --out.")
+
+
+def load(folder: str | Path) -> StoredRun:
+    """Read a run back from its journal: reduce its readings and fit them, as `goniometer fit` does.
+
+    Parameters
+    ----------
+    folder : str or Path
+        The run's folder, of a finished scan or of one that was cut short.
+
+    Raises
+    ------
+    JournalError
+        When there is no readable journal.
+    ReductionError
+        When the readings cannot be reduced.
+    """
+    folder = Path(folder)
+    with Journal.open(folder / journal.FILE_NAME) as stored:
+        readings, about = stored.readings(), stored.about()
+    recipe = Recipe.model_validate(yaml.safe_load(about["recipe"]))
+    rig = Rig.model_validate(yaml.safe_load(about["rig"]))
+    truth = Scene.model_validate(yaml.safe_load(about["scene"])).truth() if about.get("scene") else {}
+    points = reduction(recipe, rig).scan(readings)
+    result, refusal = None, ""
+    try:
+        result = fit(stokes_data(points), surface_family(recipe.fit), search=recipe.fit.search)
+    except FitError as error:
+        refusal = str(error)
+    return StoredRun(folder, recipe, readings, points, result, refusal, truth, about)
+
+
+def write_results(run: StoredRun) -> list[Path]:
+    """Write what a person looks at beside the journal: Stokes points, NeXus file, fit and report."""
+    csv, nexus, fit_json, report = (run.folder / name for name in ("stokes.csv", "scan.nxs", "fit.json", "report.png"))
+    write_stokes_csv(csv, run.points)
+    write_nexus(nexus, title=run.recipe.recipe, readings=run.readings, points=run.points, fit=run.fit, provenance=run.about)
+    fit_json.write_text(json.dumps(_fit_as_json(run), indent=2) + "\n", encoding="utf-8")
+    draw_report(report, title=run.recipe.recipe, points=run.points, fit=run.fit, truth=run.truth)
+    return [csv, nexus, fit_json, report]
+
+
+def _fit_as_json(run: StoredRun) -> dict[str, object]:
+    if run.fit is None:
+        return {"parameters": {}, "refusal": run.refusal}
+    parameters = {}
+    for name, estimate in run.fit.parameters.items():
+        parameters[name] = {"value": estimate.value, "stderr": estimate.stderr, "at_bound": estimate.at_bound}
+        if name in run.truth:
+            parameters[name]["truth"] = run.truth[name]
+    return {
+        "parameters": parameters,
+        "chi_square": run.fit.chi_square,
+        "degrees_of_freedom": run.fit.degrees_of_freedom,
+        "correlation": {"names": list(run.fit.names), "matrix": run.fit.correlation.tolist()},
+        "model": run.fit.description,
+        "points": len(run.points),
+        "readings": len(run.readings),
+    }
