@@ -18,7 +18,7 @@ from itertools import groupby
 import numpy as np
 from numpy.typing import NDArray
 
-from acquisition.analyzer_matrix import analyzer_row
+from acquisition.analyzer_matrix import analyzer_row, check_analyzer_set
 from acquisition.readings import Reading, StokesPoint
 from goniometer.errors import ReductionError
 
@@ -151,12 +151,10 @@ class Reduction:
         """
         readings = [reading for reading in readings if reading.kind != "reference"]
         signals = [reading for reading in readings if reading.kind == "signal"]
-        if not is_determined(readings):
-            angles = sorted({reading.analyzer_deg for reading in signals if reading.analyzer_deg is not None})
-            raise ReductionError(
-                f"Point {readings[0].point if readings else '?'}: analyzer angles {angles} do not determine S0, S1 and "
-                "S2. At least three angles, distinct modulo 180 degrees, are needed."
-            )
+        try:
+            check_analyzer_set(_angles_deg(readings))
+        except ReductionError as error:
+            raise ReductionError(f"Point {readings[0].point} cannot be reduced: {error}") from None
         exit_deg = float(np.mean([reading.exit_deg for reading in signals]))
         level, level_variance = lamp.at(float(np.mean([reading.time_s for reading in signals])))
         scale_w = (
@@ -182,9 +180,16 @@ class Reduction:
 
 
 def is_determined(readings: Sequence[Reading]) -> bool:
-    """Whether the readings of a direction hold at least three analyzer angles that are distinct modulo 180 degrees."""
-    angles = {round(r.analyzer_deg % 180.0, 6) % 180.0 for r in readings if r.kind == "signal" and r.analyzer_deg is not None}
-    return len(angles) >= 3
+    """Whether the readings of a direction hold analyzer angles that determine S0, S1 and S2."""
+    try:
+        check_analyzer_set(_angles_deg(readings))
+    except ReductionError:
+        return False
+    return True
+
+
+def _angles_deg(readings: Sequence[Reading]) -> list[float | None]:
+    return list({reading.analyzer_deg: None for reading in readings if reading.kind == "signal"})
 
 
 def _reference_groups(readings: Sequence[Reading]) -> Iterator[list[Reading]]:

@@ -1,0 +1,205 @@
+"""A scan as a NeXus file (HDF5): raw readings beside the reduced points, the fit, and where it all came from.
+
+The layout follows the NeXus base classes and the group names of the application definition NXoptical_spectroscopy. The
+file does not declare that definition: it demands the time of day and the sample's name, which readings do not carry.
+The analyzer is an NXoptical_polarizer, because NXpolarizer describes polarizers of neutron spins.
+"""
+
+from __future__ import annotations
+
+import importlib.metadata
+import re
+from collections.abc import Callable, Mapping, Sequence
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from acquisition.readings import Reading, StokesPoint
+from acquisition.whole_file import written_whole
+
+if TYPE_CHECKING:
+    import h5py
+
+    from model.fit import FitResult
+
+_DIMENSIONLESS = ""
+"""The units attribute of a ratio or a count, as the NeXus manual writes it (unit category NX_DIMENSIONLESS)."""
+
+
+def write_nexus(
+    path: Path,
+    *,
+    title: str,
+    readings: Sequence[Reading],
+    points: Sequence[StokesPoint],
+    fit: FitResult | None,
+    provenance: Mapping[str, str],
+) -> None:
+    """Write a scan so that a NeXus viewer opens it on S0 against the exit angle, with DoLP and AoLP beside it.
+
+    Parameters
+    ----------
+    path : Path
+        The file; replaced as a whole, so that a writer that is killed leaves no broken file.
+    title : str
+        What was measured, in a person's words.
+    readings : sequence of Reading
+        The raw readings, in the order they were taken.
+    points : sequence of StokesPoint
+        What they reduce to.
+    fit : FitResult or None
+        The fit of these points; its fitted Stokes parameters must be as many as `points`.
+    provenance : mapping of str to str
+        Texts to keep with the data: recipe, rig, scene, versions, seed.
+
+    Raises
+    ------
+    JournalError
+        The file cannot be written.
+    """
+    import h5py  # noqa: PLC0415 (0.1 s that a scan's start does not need)
+
+    with written_whole(path) as part, h5py.File(part, "w") as file:
+        version = importlib.metadata.version("goniometer")
+        file.attrs.update(
+            NX_class="NXroot",
+            default="entry",
+            file_name=path.name,
+            file_time=datetime.now(UTC).isoformat(timespec="seconds"),
+            creator="goniometer",
+            creator_version=version,
+            HDF5_Version=h5py.version.hdf5_version,
+            h5py_version=h5py.version.version,
+        )
+        entry = _group(file, "entry", "NXentry")
+        entry.attrs["default"] = "stokes"
+        entry["title"] = title
+        entry["program_name"] = "goniometer"
+        entry["program_name"].attrs["version"] = version
+        _write_instrument(entry, readings)
+        _group(entry, "sample", "NXsample")["name"] = title
+        _write_points(entry, points)
+        if fit is not None:
+            _write_fit(entry, fit)
+        _write_provenance(entry, provenance)
+
+
+def _write_instrument(entry: h5py.Group, readings: Sequence[Reading]) -> None:
+    instrument = _group(entry, "instrument", "NXinstrument")
+    instrument["name"] = "polarimetric goniometer"
+    instrument["angle_reference_frame"] = "sample-normal centered"
+    _group(instrument, "source_lamp", "NXsource")["probe"] = "visible light"
+
+    analyzer = _group(instrument, "analyzer", "NXoptical_polarizer")
+    analyzer["type"] = "linear"
+    analyzer["description"] = "polarizer_angle is measured from the s-direction; NaN where the slot holds no polarizer"
+
+    detector = _group(instrument, "detector_power_meter", "NXdetector")
+    detector["detector_channel_type"] = "single-channel"
+    raw = _group(detector, "raw_data", "NXdata")
+    raw.attrs.update(signal="raw", axes=["time"])
+
+    def column(value: Callable[[Reading], float]) -> list[float]:
+        return [value(reading) for reading in readings]
+
+    _field(raw, "raw", column(lambda reading: reading.power_w), "W", "optical power")
+    _field(raw, "time", column(lambda reading: reading.time_s), "s", "time on the bench's clock")
+    _field(raw, "exposure", column(lambda reading: reading.exposure_s), "s")
+    _field(raw, "incidence_angle", column(lambda reading: reading.incidence_deg), "deg")
+    _field(raw, "exit_angle", column(lambda reading: reading.exit_deg), "deg", "signed exit angle")
+    _field(raw, "sample_azimuth", column(lambda reading: reading.azimuth_deg), "deg")
+    polarizer_deg = column(lambda reading: np.nan if reading.analyzer_deg is None else reading.analyzer_deg)
+    analyzer["polarizer_angle"] = _field(raw, "polarizer_angle", polarizer_deg, "deg", "from the s-direction")
+    _field(raw, "analyzer_slot", np.array([reading.slot for reading in readings], int), _DIMENSIONLESS)
+    _field(raw, "point", np.array([reading.point for reading in readings], int), _DIMENSIONLESS)
+    _field(raw, "repeat", np.array([reading.repeat for reading in readings], int), _DIMENSIONLESS)
+    raw["kind"] = [str(reading.kind) for reading in readings]
+    for name in raw:
+        raw.attrs[f"{name}_indices"] = 0
+
+
+def _write_points(entry: h5py.Group, points: Sequence[StokesPoint]) -> None:
+    stokes = np.array([point.stokes for point in points]).reshape(-1, 3)
+    covariance = np.array([point.covariance for point in points]).reshape(-1, 3, 3)
+    stderr = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))
+    group = _plot(entry, "stokes", "S0", ["S1", "S2"], points)
+    for index in range(3):
+        _field(group, f"S{index}", stokes[:, index], "1/sr", f"S{index} per unit irradiance")
+        _field(group, f"S{index}_errors", stderr[:, index], "1/sr")
+    _field(group, "covariance", covariance, "1/sr^2", "covariance matrix of (S0, S1, S2)")
+    group["description"] = "S1 > 0 is s-polarized light, S2 > 0 is polarized at +45 degrees from the s-direction"
+
+    group = _plot(entry, "dolp", "DoLP", ["DoLP_debiased"], points)
+    dolp_stderr = [point.dolp_stderr for point in points]
+    _field(group, "DoLP", [point.dolp for point in points], _DIMENSIONLESS, "degree of linear polarization")
+    _field(group, "DoLP_errors", dolp_stderr, _DIMENSIONLESS)
+    _field(group, "DoLP_debiased", [point.dolp_debiased for point in points], _DIMENSIONLESS, "DoLP without noise bias")
+    _field(group, "DoLP_debiased_errors", dolp_stderr, _DIMENSIONLESS)
+
+    group = _plot(entry, "aolp", "AoLP", [], points)
+    _field(group, "AoLP", [point.aolp_deg for point in points], "deg", "angle of linear polarization from the s-direction")
+    _field(group, "AoLP_errors", [point.aolp_stderr_deg for point in points], "deg")
+
+
+def _plot(
+    entry: h5py.Group, name: str, signal: str, others: Sequence[str], points: Sequence[StokesPoint]
+) -> h5py.Group:
+    """An NXdata group over the exit angle; the signals themselves are left to the caller."""
+    group = _group(entry, name, "NXdata")
+    group.attrs.update(signal=signal, axes=["exit_angle"])
+    if others:
+        group.attrs["auxiliary_signals"] = list(others)
+    _field(group, "exit_angle", [point.exit_deg for point in points], "deg", "signed exit angle")
+    _field(group, "incidence_angle", [point.incidence_deg for point in points], "deg")
+    _field(group, "sample_azimuth", [point.azimuth_deg for point in points], "deg")
+    for axis in ("exit_angle", "incidence_angle", "sample_azimuth"):
+        group.attrs[f"{axis}_indices"] = 0
+    return group
+
+
+def _write_fit(entry: h5py.Group, fit: FitResult) -> None:
+    process = _group(entry, "fit", "NXprocess")
+    process["program"] = "goniometer"
+    process["version"] = importlib.metadata.version("goniometer")
+    note = _group(process, "model", "NXnote")
+    note["type"], note["data"] = "text/plain", fit.description
+    _field(process, "chi_square", fit.chi_square, _DIMENSIONLESS)
+    _field(process, "degrees_of_freedom", fit.degrees_of_freedom, _DIMENSIONLESS)
+    parameters = _group(process, "parameters", "NXparameters")
+    for name, estimate in fit.parameters.items():
+        _field(parameters, name, estimate.value, _DIMENSIONLESS).attrs["at_bound"] = estimate.at_bound
+        stderr = np.nan if estimate.stderr is None else estimate.stderr
+        _field(parameters, f"{name}_errors", stderr, _DIMENSIONLESS)
+    process["correlation_names"] = list(fit.names)
+    _field(process, "correlation", fit.correlation, _DIMENSIONLESS)
+
+    stokes = entry["stokes"]
+    for index in range(3):
+        _field(stokes, f"S{index}_fit", fit.stokes[:, index], "1/sr", f"S{index} of the fitted model")
+    stokes.attrs["auxiliary_signals"] = ["S0_fit", "S1", "S1_fit", "S2", "S2_fit"]
+
+
+def _write_provenance(entry: h5py.Group, provenance: Mapping[str, str]) -> None:
+    process = _group(entry, "provenance", "NXprocess")
+    process["program"] = "goniometer"
+    process["version"] = importlib.metadata.version("goniometer")
+    for key, text in provenance.items():
+        note = _group(process, re.sub(r"\W", "_", key), "NXnote")
+        note["description"], note["type"], note["data"] = key, "text/plain", text
+
+
+def _group(parent: h5py.Group, name: str, nexus_class: str) -> h5py.Group:
+    group = parent.create_group(name)
+    group.attrs["NX_class"] = nexus_class
+    return group
+
+
+def _field(group: h5py.Group, name: str, values: ArrayLike, units: str, long_name: str | None = None) -> h5py.Dataset:
+    dataset = group.create_dataset(name, data=values)
+    dataset.attrs["units"] = units
+    if long_name is not None:
+        dataset.attrs["long_name"] = long_name
+    return dataset

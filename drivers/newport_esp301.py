@@ -1,0 +1,214 @@
+"""Newport ESP300 and ESP301 motion controllers: up to three axes, text lines, errors kept in a queue."""
+
+from __future__ import annotations
+
+from drivers.clock import Clock, Deadline
+from drivers.link import Link
+from drivers.motion import motion_deadline, refuse_outside, still_moving
+from drivers.newport_esp301_errors import ControllerError, parse_error
+from drivers.reply_text import number, unusable, whole_number
+from goniometer.errors import DeviceFaultError, ReplyTimeoutError
+
+_UNIT_DEGREES = 7
+_ERROR_QUEUE_DEPTH = 10
+_LINE_PAUSE_S = 0.01  # the controller wants some 10 ms between lines when the first of them has no answer
+
+
+class NewportEsp301:
+    """The controller; its axes are made by `axis`.
+
+    Parameters
+    ----------
+    link : Link
+        19200 baud with RTS/CTS on RS-232.
+    clock : Clock
+        Counts the deadlines of motions.
+    """
+
+    def __init__(self, link: Link, clock: Clock) -> None:
+        self.clock = clock
+        self._link = link
+        self._names: dict[int, str] = {}
+        self._unanswered = False
+
+    def connect(self) -> tuple[str, ...]:
+        """Check that an ESP300 or ESP301 answers, and empty its error queue; moves nothing.
+
+        Returns
+        -------
+        tuple of str
+            The errors that were still in the queue from earlier use, oldest first.
+        """
+        self._resynchronise()
+        return tuple(str(error) for error in self._pop_errors())
+
+    def axis(
+        self,
+        number: int,
+        *,
+        name: str,
+        limits_deg: tuple[float, float],
+        velocity_deg_s: float,
+        acceleration_deg_s2: float,
+        settle_s: float,
+        tolerance_deg: float,
+    ) -> Esp301Axis:
+        """Return the axis with this number; nothing is sent before its `connect`."""
+        self._names[number] = name
+        return Esp301Axis(self, number, name, limits_deg, velocity_deg_s, acceleration_deg_s2, settle_s, tolerance_deg)
+
+    def send(self, command: str) -> None:
+        """Send a command that has no answer."""
+        self._link.write(command.encode("ascii") + b"\r")
+        self.clock.sleep(_LINE_PAUSE_S)
+
+    def query(self, question: str) -> str:
+        """Send a question and return the line that answers it."""
+        if self._unanswered:
+            self._resynchronise()
+        self._unanswered = True
+        self._link.write(question.encode("ascii") + b"\r")
+        answer = self._read_line()
+        self._unanswered = False
+        return answer
+
+    def raise_errors(self, not_done: str) -> None:
+        """Empty the error queue and raise DeviceFaultError, in the name of the axis at fault, if it held anything."""
+        errors = self._pop_errors()
+        if errors:
+            names = [self._names[error.axis] for error in errors if error.axis in self._names]
+            raise DeviceFaultError(
+                names[0] if names else self._link.device,
+                f"the controller reports {'; '.join(map(str, errors))}",
+                not_done=not_done,
+                to_do="look at the stage, its cable, its limit switches and the emergency stop, then start again",
+            )
+
+    def close(self) -> None:
+        """Close the port; motors stay powered and hold their positions."""
+        self._link.close()
+
+    def _pop_errors(self) -> list[ControllerError]:
+        errors: list[ControllerError] = []
+        while (error := parse_error(self._link.device, self.query("TB?"))) is not None:
+            errors.append(error)
+            if len(errors) > _ERROR_QUEUE_DEPTH:
+                raise unusable(self._link.device, "TB?", str(error), "the end of a queue of ten errors")
+        return errors
+
+    def _resynchronise(self) -> None:
+        # Answers carry no sign of their question but come in order: the identity cannot be mistaken, and whatever
+        # comes before it answers a question that was given up.
+        self._unanswered = True
+        self._link.discard_input()
+        self._link.write(b"VE?\r")
+        for _ in range(_ERROR_QUEUE_DEPTH):
+            if (line := self._read_line()).startswith("ESP30"):
+                self._unanswered = False
+                return
+        raise unusable(self._link.device, "VE?", line, "the identity of an ESP300 or ESP301")
+
+    def _read_line(self) -> str:
+        return self._link.read_until(b"\r\n").decode("ascii", errors="replace").strip()
+
+
+class Esp301Axis:
+    """One axis of the controller, satisfying the engine's rotary axis; angles in degrees."""
+
+    def __init__(
+        self,
+        controller: NewportEsp301,
+        number: int,
+        name: str,
+        limits_deg: tuple[float, float],
+        velocity_deg_s: float,
+        acceleration_deg_s2: float,
+        settle_s: float,
+        tolerance_deg: float,
+    ) -> None:
+        self.name, self.settle_s, self.tolerance_deg = name, settle_s, tolerance_deg
+        self.limits_deg, self.velocity_deg_s, self.acceleration_deg_s2 = limits_deg, velocity_deg_s, acceleration_deg_s2
+        self._controller = controller
+        self._number = number
+        self._target_deg = 0.0
+        self._deadline: Deadline | None = None
+
+    def connect(self) -> None:
+        """Check the stage and its unit, set velocity and acceleration, switch the motor on; moves nothing.
+
+        Raises
+        ------
+        DeviceFaultError
+            When there is no stage, its unit is not the degree, or the controller refuses a setting.
+        """
+        try:
+            model = self._query("ID?").split(",")[0].strip()
+        except ReplyTimeoutError:
+            self._controller.raise_errors(not_done="the axis was not set up")  # says so if there is no such axis
+            raise
+        unit = whole_number(self.name, f"{self._number}SN?", self._query("SN?"))
+        if not model or unit != _UNIT_DEGREES:
+            fault = f"axis {self._number} counts in unit {unit}, not in degrees (7)" if model else "there is no stage"
+            raise DeviceFaultError(
+                self.name,
+                f"{fault} at axis {self._number} of the controller" if not model else fault,
+                not_done="nothing was set and nothing was moved",
+                to_do="check the axis number in the rig file, the stage's plug and the unit set in the controller",
+            )
+        self._send(f"VA{self.velocity_deg_s:.6f}")
+        self._send(f"AC{self.acceleration_deg_s2:.6f}")
+        self._send(f"AG{self.acceleration_deg_s2:.6f}")
+        self._send("MO")
+        self._controller.raise_errors(not_done="the axis was not set up")
+        if self._query("MO?") != "1":
+            raise DeviceFaultError(
+                self.name,
+                "the motor stays off",
+                not_done="the axis was not set up",
+                to_do="release the emergency stop, look at the amplifier, then start again",
+            )
+
+    def start_move(self, target_deg: float) -> None:
+        """Begin to move to `target_deg`.
+
+        Raises
+        ------
+        LimitError
+            When the target is outside the limits; nothing is sent.
+        DeviceFaultError
+            When the controller refuses the move.
+        """
+        refuse_outside(self.name, target_deg, self.limits_deg)
+        distance_deg = target_deg - self.position_deg()
+        self._target_deg = target_deg
+        self._send(f"PA{target_deg:.6f}")
+        self._deadline = motion_deadline(
+            self._controller.clock, distance_deg, self.velocity_deg_s, self.acceleration_deg_s2
+        )
+        self._controller.raise_errors(not_done=f"the move of {self.name} to {target_deg:g} degrees")
+
+    def is_moving(self) -> bool:
+        """Ask whether the motion goes on; raises DeviceFaultError or ReplyTimeoutError when it has failed."""
+        answer = self._query("MD?")
+        if answer == "1":
+            self._controller.raise_errors(not_done=f"the move of {self.name} to {self._target_deg:g} degrees")
+            return False
+        if answer != "0":
+            raise unusable(self.name, f"{self._number}MD?", answer, "0 or 1")
+        if self._deadline is not None and self._deadline.has_passed():
+            raise still_moving(self.name, self._target_deg)
+        return True
+
+    def position_deg(self) -> float:
+        """Where the encoder says the axis is."""
+        return number(self.name, f"{self._number}TP?", self._query("TP?"))
+
+    def stop(self) -> None:
+        """Stop with the set deceleration; safe at any time, also when an exchange was interrupted: it has no answer."""
+        self._send("ST")
+
+    def _send(self, command: str) -> None:
+        self._controller.send(f"{self._number}{command}")
+
+    def _query(self, question: str) -> str:
+        return self._controller.query(f"{self._number}{question}")

@@ -1,0 +1,183 @@
+"""Thorlabs FW102C and FW212C filter wheels, used as analyzers: every character echoed, every answer ends in a prompt."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from drivers.clock import Clock, Deadline
+from drivers.link import Link
+from drivers.reply_text import unusable, whole_number
+from goniometer.errors import DeviceFaultError, LimitError, PositionError, ReplyTimeoutError
+
+_PROMPT = b"> "
+_POLL_S = 0.01
+
+
+@dataclass(frozen=True)
+class Exchange:
+    """A command as the wheel echoed it, and what it answered (empty for a command that only acts)."""
+
+    echo: str
+    answer: str
+
+
+def parse_exchange(frame: bytes) -> Exchange:
+    """Split what came before a prompt into echo and answer; zero bytes after power-up are dropped."""
+    echo, _, answer = frame.replace(b"\x00", b"").decode("ascii", errors="replace").partition("\r")
+    return Exchange(echo.strip(), answer.strip())
+
+
+class ThorlabsFw102c:
+    """A filter wheel that holds polarizers.
+
+    Parameters
+    ----------
+    link : Link
+        115200 baud, no handshake.
+    clock : Clock
+        Counts the deadline of a motion.
+    name : str
+        The device's name in the rig file.
+    slots : int
+        How many slots the wheel has: 6 or 12.
+    slot_s : float
+        Time from one slot to its neighbour, for planning a scan.
+    settle_s : float
+        Time for the wheel to come to rest after its prompt.
+    """
+
+    def __init__(self, link: Link, clock: Clock, *, name: str, slots: int = 6, slot_s: float, settle_s: float) -> None:
+        self.name, self.slots, self.slot_s, self.settle_s = name, slots, slot_s, settle_s
+        self._link = link
+        self._clock = clock
+        self._unanswered = False
+        self._target: int | None = None
+        self._deadline = Deadline(clock, 0.0)
+
+    def connect(self) -> None:
+        """Wake the wheel, check what it is and how many slots it has; moves nothing.
+
+        Raises
+        ------
+        DeviceFaultError
+            When the wheel has another number of slots than the rig file says.
+        """
+        self._resynchronise()
+        slots = whole_number(self.name, "pcount?", self._query("pcount?"))
+        if slots != self.slots:
+            raise DeviceFaultError(
+                self.name,
+                f"the wheel is set up for {slots} slots, the rig file for {self.slots}",
+                not_done="the wheel was not moved",
+                to_do="correct the slots in the rig file, or the wheel's own setting (pcount)",
+            )
+
+    def start_select(self, slot: int) -> None:
+        """Begin to bring a slot into the beam; raises LimitError, with nothing sent, when the wheel has no such slot."""
+        if not 1 <= slot <= self.slots:
+            raise LimitError(
+                self.name,
+                f"slot {slot} does not exist; the wheel has slots 1 to {self.slots}",
+                not_done="the move was refused and nothing was sent",
+                to_do="correct the slot in the rig file",
+            )
+        self._write(f"pos={slot}")
+        self._target = slot
+        self._deadline = Deadline(self._clock, self._longest_motion_s)
+
+    def is_moving(self) -> bool:
+        """Whether the slot is still on its way.
+
+        Raises
+        ------
+        ReplyTimeoutError
+            When the wheel has not arrived within 1 s and 4 s a slot.
+        DeviceFaultError
+            When the wheel refuses the command.
+        PositionError
+            When the wheel says that it stopped at another slot.
+        """
+        if self._target is None:
+            return False
+        frame = self._link.poll_until(_PROMPT)
+        if frame is None:
+            if self._deadline.has_passed():
+                raise self._not_arrived(f"slot {self._target} was not reached")
+            return True
+        target, self._target = self._target, None
+        self._answer_in(frame, f"pos={target}")
+        reached = self.slot()
+        if reached != target:
+            raise PositionError(
+                self.name,
+                f"the wheel was sent to slot {target} but stands at slot {reached}",
+                not_done=f"slot {target} is not in the beam",
+                to_do="check that nobody turned the wheel by its buttons and that it turns freely",
+            )
+        return False
+
+    def slot(self) -> int:
+        """Which slot the wheel says is in the beam; after a motion that was not waited for, waits for its end."""
+        return whole_number(self.name, "pos?", self._query("pos?"))
+
+    def stop(self) -> None:
+        """Do nothing: the wheel has no command to stop and ends its motion by itself within seconds.
+
+        The answer still to come is found and dropped by the next question.
+        """
+        self._target = None
+
+    def close(self) -> None:
+        """Close the port."""
+        self._link.close()
+
+    @property
+    def _longest_motion_s(self) -> float:
+        return 1.0 + 4.0 * (self.slots // 2)  # the wheel takes the shorter way round
+
+    def _write(self, command: str) -> None:
+        if self._unanswered:
+            self._resynchronise()
+        self._unanswered = True
+        self._link.write(command.encode("ascii") + b"\r")
+
+    def _query(self, question: str) -> str:
+        self._write(question)
+        return self._answer_in(self._link.read_until(_PROMPT), question)
+
+    def _answer_in(self, frame: bytes, command: str) -> str:
+        exchange = parse_exchange(frame)
+        if exchange.echo != command:
+            raise unusable(self.name, command, frame.decode("ascii", errors="replace"), "its echo and an answer")
+        self._unanswered = False
+        if exchange.answer.startswith("Command error"):
+            raise DeviceFaultError(
+                self.name,
+                f"the wheel refused {command!r}: {exchange.answer}",
+                not_done="the command was not carried out",
+                to_do="check that the device is an FW102C or FW212C and that the rig file has its number of slots",
+            )
+        return exchange.answer
+
+    def _resynchronise(self) -> None:
+        # Answers come in order, so whatever comes before the identity belongs to commands that were given up, also a
+        # motion that has not ended. The first carriage return ends a command that was sent in part.
+        self._unanswered = True
+        self._target = None
+        self._link.discard_input()
+        self._link.write(b"\r*idn?\r")
+        deadline = Deadline(self._clock, self._longest_motion_s)
+        while (frame := self._link.poll_until(_PROMPT)) is None or b"THORLABS" not in frame.upper():
+            if deadline.has_passed():
+                raise self._not_arrived("nothing was sent but the question who it is")
+            if frame is None:
+                self._clock.sleep(_POLL_S)
+        self._unanswered = False
+
+    def _not_arrived(self, not_done: str) -> ReplyTimeoutError:
+        return ReplyTimeoutError(
+            self.name,
+            f"no prompt from the wheel on port {self._link.port} within {self._longest_motion_s:g} s",
+            not_done=not_done,
+            to_do="check that the wheel is on, turns freely and has the baud rate of the rig file",
+        )

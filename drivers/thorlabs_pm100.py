@@ -1,0 +1,200 @@
+"""Thorlabs power meters of the PM100 family: SCPI lines, one reading an average over many samples."""
+
+from __future__ import annotations
+
+import re
+
+from drivers.clock import Clock, Deadline
+from drivers.link import Link
+from drivers.reply_text import number, unusable, whole_number
+from goniometer.errors import DeviceFaultError, LimitError, ReplyError, ReplyTimeoutError
+
+_OVER_RANGE = 9.9e37
+_READING = "MEAS:POW?"
+_MOST_ERRORS = 32
+_ERROR = re.compile(r"([+-]?\d+)\s*,\s*\"?([^\"]*)\"?")
+
+
+def parse_error(device: str, line: str) -> tuple[int, str]:
+    """Read an answer to ``SYST:ERR?`` such as ``-113,"Undefined header"``: code (0 for none) and text."""
+    report = _ERROR.fullmatch(line)
+    if report is None:
+        raise unusable(device, "SYST:ERR?", line, "an error code and its text")
+    return int(report[1]), report[2]
+
+
+class ThorlabsPm100:
+    """A power meter.
+
+    Parameters
+    ----------
+    link : Link
+        Serial or TCP.
+    clock : Clock
+        Counts the deadline of a reading.
+    name : str
+        The device's name in the rig file.
+    sample_s : float
+        Duration of one sample; an exposure is this times the averaging count.
+    """
+
+    def __init__(self, link: Link, clock: Clock, *, name: str, sample_s: float) -> None:
+        self.name, self.sample_s = name, sample_s
+        self.actual_exposure_s = 0.0
+        """Exposure of the reading begun last: the whole number of samples nearest to what was asked for."""
+        self._link = link
+        self._clock = clock
+        self._unanswered = False
+        self._averaged: int | None = None
+        self._deadline = Deadline(clock, 0.0)
+        self._reading: str | None = None
+
+    def connect(self) -> tuple[str, ...]:
+        """Check that a Thorlabs meter answers, empty its error queue, set watts and automatic range.
+
+        Returns
+        -------
+        tuple of str
+            The errors that were still in the queue from earlier use, oldest first.
+        """
+        self._resynchronise()
+        earlier_errors = self._pop_errors()
+        self._write("SENS:POW:UNIT W")
+        self._write("SENS:POW:RANG:AUTO 1")
+        refused = self._pop_errors()
+        if refused:
+            raise DeviceFaultError(
+                self.name,
+                f"the meter refused watts and automatic range: {'; '.join(refused)}",
+                not_done="the meter was not set up",
+                to_do="check that a power sensor is plugged in",
+            )
+        return tuple(earlier_errors)
+
+    def set_wavelength_nm(self, wavelength_nm: float) -> None:
+        """Set the wavelength at which the sensor's calibration is taken.
+
+        Raises
+        ------
+        LimitError
+            When the sensor is not calibrated there; the wavelength is not sent.
+        ReplyError
+            When the meter holds another wavelength afterwards.
+        """
+        low_nm, high_nm = self._number("SENS:CORR:WAV? MIN"), self._number("SENS:CORR:WAV? MAX")
+        if not low_nm <= wavelength_nm <= high_nm:
+            raise LimitError(
+                self.name,
+                f"the sensor is calibrated from {low_nm:g} to {high_nm:g} nm, not at {wavelength_nm:g} nm",
+                not_done="the wavelength was not changed",
+                to_do="change wavelength_nm in the recipe, or use another sensor",
+            )
+        self._write(f"SENS:CORR:WAV {wavelength_nm:g}")
+        held_nm = self._number("SENS:CORR:WAV?")
+        if abs(held_nm - wavelength_nm) > 0.5:  # some meters hold whole nanometres
+            raise unusable(self.name, "SENS:CORR:WAV?", f"{held_nm:g}", f"the {wavelength_nm:g} nm just set")
+
+    def start_reading(self, exposure_s: float) -> None:
+        """Begin a reading averaged over the whole number of samples, one at least, nearest to `exposure_s`."""
+        count = max(1, round(exposure_s / self.sample_s))
+        if count != self._averaged:
+            self._write(f"SENS:AVER {count}")
+            held = whole_number(self.name, "SENS:AVER?", self._query("SENS:AVER?"))
+            if held != count:
+                raise unusable(self.name, "SENS:AVER?", str(held), f"the averaging count {count} just set")
+            self._averaged = count
+        self.actual_exposure_s = count * self.sample_s
+        self._reading = None
+        self._ask(_READING)
+        self._deadline = Deadline(self._clock, 2 * self.actual_exposure_s + 2.0)
+
+    def is_reading(self) -> bool:
+        """Whether the reading is still to come; raises ReplyTimeoutError after twice the exposure and 2 s."""
+        if self._reading is not None:
+            return False
+        line = self._link.poll_until(b"\n")
+        if line is not None:
+            self._unanswered = False
+            self._reading = line.decode("ascii", errors="replace").strip()
+            return False
+        if self._deadline.has_passed():
+            raise ReplyTimeoutError(
+                self.name,
+                f"no reading on port {self._link.port} within twice the exposure of {self.actual_exposure_s:g} s and 2 s",
+                not_done="the reading was given up",
+                to_do="check that the meter is on, that its cable sits, and that sample_s in the rig file is right",
+            )
+        return True
+
+    def power_w(self) -> float:
+        """The finished reading in watts.
+
+        Raises
+        ------
+        DeviceFaultError
+            When the detector was saturated.
+        ReplyError
+            When no reading has been finished, or it is not a number.
+        """
+        if self._reading is None:
+            raise ReplyError(
+                self.name,
+                "there is no finished reading",
+                not_done="no power was returned",
+                to_do="begin a reading, and ask for its power when it has ended",
+            )
+        power_w = number(self.name, _READING, self._reading)
+        if abs(power_w) >= _OVER_RANGE:
+            raise DeviceFaultError(
+                self.name,
+                f"the detector was saturated (the meter answered {self._reading})",
+                not_done="the reading was thrown away",
+                to_do="weaken the beam, or use a sensor for more power",
+            )
+        return power_w
+
+    def close(self) -> None:
+        """Close the port."""
+        self._link.close()
+
+    def _pop_errors(self) -> list[str]:
+        errors: list[str] = []
+        while (error := parse_error(self.name, self._query("SYST:ERR?")))[0] != 0:
+            errors.append(f"{error[0]} {error[1]}")
+            if len(errors) > _MOST_ERRORS:
+                raise unusable(self.name, "SYST:ERR?", errors[-1], f"the end of a queue of {_MOST_ERRORS} errors")
+        return errors
+
+    def _resynchronise(self) -> None:
+        # Answers come in order and carry no sign of their question, but the identity cannot be mistaken: whatever
+        # comes before it answers a question that was given up.
+        self._unanswered = True
+        self._link.discard_input()
+        self._write("*IDN?")
+        for _ in range(_MOST_ERRORS):
+            line = self._read_line()
+            if line.upper().startswith("THORLABS"):
+                self._unanswered = False
+                return
+        raise unusable(self.name, "*IDN?", line, "the identity of a Thorlabs meter")
+
+    def _write(self, command: str) -> None:
+        self._link.write(command.encode("ascii") + b"\n")
+
+    def _ask(self, question: str) -> None:
+        if self._unanswered:
+            self._resynchronise()
+        self._unanswered = True
+        self._write(question)
+
+    def _query(self, question: str) -> str:
+        self._ask(question)
+        answer = self._read_line()
+        self._unanswered = False
+        return answer
+
+    def _number(self, question: str) -> float:
+        return number(self.name, question, self._query(question))
+
+    def _read_line(self) -> str:
+        return self._link.read_until(b"\n").decode("ascii", errors="replace").strip()

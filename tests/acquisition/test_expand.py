@@ -1,0 +1,94 @@
+"""The order of the steps, and how long they take."""
+
+import math
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from numpy.testing import assert_allclose
+
+from acquisition.expand import HOME, Slots, expand
+from acquisition.recipe import Recipe
+from acquisition.timing import AnalyzerTiming, AxisTiming, BenchTiming
+
+SLOTS = Slots(polarizers={0.0: 2, 45.0: 3, 90.0: 4, 135.0: 5}, offset_deg=10.0, blocked=6, open=1)
+ARM = AxisTiming(velocity_deg_s=20, acceleration_deg_s2=80, settle_s=0.05)
+TIMING = BenchTiming(ARM, ARM, ARM, AnalyzerTiming(slots=6, slot_s=0.5, settle_s=0.05))
+
+
+def recipe(**changes):
+    return Recipe.model_validate(
+        {
+            "recipe": "x",
+            "rig": "rig.yaml",
+            "wavelength_nm": 550.0,
+            "incidence_deg": 60.0,
+            "exit_deg": [0.0, 1.0, 2.0, 3.0],
+            "analyzer_deg": [0.0, 45.0, 90.0, 135.0],
+            "readings": 3,
+            "exposure_s": 0.03,
+            "fit": {"lobes": ["diffuse"], "free": {"sigma": [0.1, 1.0]}},
+            **changes,
+        }
+    )
+
+
+def steps_of(**changes):
+    return expand(recipe(**changes), SLOTS, TIMING)
+
+
+def test_the_wheel_snakes():
+    slots = [step.target.slot for step in steps_of()]
+    assert slots == [2, 3, 4, 5, 6, 6, 5, 4, 3, 2, 2, 3, 4, 5, 6, 6, 5, 4, 3, 2]
+
+
+def test_the_wheel_leaves_out_its_longest_empty_stretch():
+    slots = Slots(polarizers={0.0: 1, 45.0: 2, 90.0: 6}, offset_deg=0.0, blocked=5, open=None)
+    order = [step.target.slot for step in expand(recipe(analyzer_deg=[0.0, 45.0, 90.0], exit_deg=[0.0]), slots, TIMING)]
+    assert order in ([5, 6, 1, 2], [2, 1, 6, 5])
+
+
+def test_every_point_has_every_slot_once_and_the_angles_with_their_offset():
+    for point in range(4):
+        of_point = [step for step in steps_of() if step.point == point]
+        held = {step.target.slot: (step.kind, step.analyzer_deg) for step in of_point}
+        assert held == {
+            2: ("signal", 10.0),
+            3: ("signal", 55.0),
+            4: ("signal", 100.0),
+            5: ("signal", 145.0),
+            6: ("dark", None),
+        }
+        assert {step.target.exit_deg for step in of_point} == {float(point)}
+
+
+def test_references_stand_before_every_nth_point_through_the_open_slot():
+    steps = steps_of(reference={"exit_deg": 45.0, "every_points": 2})
+    references = [step for step in steps if step.kind == "reference"]
+    assert [step.point for step in references] == [0, 2]
+    assert {(step.target.exit_deg, step.target.slot) for step in references} == {(45.0, 1)}
+    assert len(steps) == 4 * 5 + 2
+
+
+@given(st.floats(0.001, 300), st.floats(0.1, 100), st.floats(0.1, 1000))
+def test_a_move_lasts_as_long_as_its_speed_profile(distance_deg, velocity_deg_s, acceleration_deg_s2):
+    """The profile is integrated here: the distance under it must be the move's."""
+    duration_s = AxisTiming(velocity_deg_s, acceleration_deg_s2, 0.0).move_s(distance_deg)
+    ramp_s = min(velocity_deg_s / acceleration_deg_s2, duration_s / 2)
+    top_deg_s = ramp_s * acceleration_deg_s2
+    assert top_deg_s <= velocity_deg_s * (1 + 1e-12)
+    assert_allclose(top_deg_s * (duration_s - ramp_s), distance_deg, rtol=1e-9)
+
+
+@pytest.mark.parametrize(("start", "end", "slots"), [(1, 6, 1), (6, 1, 1), (2, 5, 3), (1, 4, 3), (3, 3, 0), (5, 1, 2)])
+def test_the_wheel_goes_the_shorter_way(start, end, slots):
+    assert AnalyzerTiming(6, 0.5, 0.0).move_s(start, end) == slots * 0.5
+
+
+def test_a_step_lasts_as_long_as_its_slowest_move_and_its_readings():
+    first, second = steps_of(exit_deg=[30.0], readings=1, exposure_s=2.0)[:2]
+    arm_s = 60 / 20 + 20 / 80
+    assert first.target.slot != HOME.slot
+    assert arm_s + 2.0 < first.duration_s < arm_s + 2.0 + 0.25
+    assert 0.5 + 2.0 < second.duration_s < 0.5 + 2.0 + 0.25
+    assert math.isfinite(first.duration_s)

@@ -1,0 +1,100 @@
+"""What the journal acknowledged is there, whatever happened afterwards."""
+
+import shutil
+import sqlite3
+
+import pytest
+
+from acquisition.journal import Journal
+from acquisition.readings import Reading
+from goniometer.errors import JournalError
+
+ABOUT = {"recipe": "recipe: x", "seed": "7"}
+
+
+def reading(number):
+    kind = "dark" if number % 5 == 4 else "signal"
+    return Reading(
+        number // 5, kind, 0, 0.1 * number, 60.0, number / 3, 0.0, number % 5 + 2, None if kind == "dark" else 45.0, 0.03, 1 / 7e9
+    )
+
+
+def test_readings_come_back_as_they_were(tmp_path):
+    taken = [reading(number) for number in range(12)]
+    with Journal.create(tmp_path / "j", ABOUT) as journal:
+        for one in taken:
+            journal.append(one)
+    with Journal.open(tmp_path / "j") as journal:
+        assert journal.readings() == tuple(taken)
+        assert journal.about() == {**ABOUT, "format": "1"}
+
+
+def test_every_acknowledged_reading_survives_a_copy_made_at_that_moment(tmp_path):
+    """A copy of the files on disk is what a power cut leaves: nothing of the process, everything that was synced."""
+    with Journal.create(tmp_path / "j", ABOUT) as journal:
+        for number in range(8):
+            journal.append(reading(number))
+            moment = tmp_path / f"after {number}"
+            moment.mkdir()
+            for name in tmp_path.glob("j*"):
+                shutil.copy(name, moment)
+            with Journal.open(moment / "j") as left:
+                assert left.readings() == tuple(reading(i) for i in range(number + 1))
+
+
+def test_a_log_cut_at_any_byte_keeps_all_but_the_last_reading(tmp_path):
+    with Journal.create(tmp_path / "j", ABOUT) as journal:
+        journal.append(reading(0))
+        kept = (tmp_path / "j-wal").stat().st_size
+        journal.append(reading(1))
+        whole = (tmp_path / "j-wal").read_bytes()
+        for size in range(kept, len(whole), 97):
+            (tmp_path / "cut").mkdir(exist_ok=True)
+            shutil.copy(tmp_path / "j", tmp_path / "cut" / "j")
+            (tmp_path / "cut" / "j-wal").write_bytes(whole[:size])
+            with Journal.open(tmp_path / "cut" / "j") as left:
+                assert left.readings() == (reading(0),)
+            shutil.rmtree(tmp_path / "cut")
+
+
+def test_a_run_never_writes_into_another_runs_journal(tmp_path):
+    Journal.create(tmp_path / "j", ABOUT).close()
+    with pytest.raises(JournalError, match="exists already"):
+        Journal.create(tmp_path / "j", ABOUT)
+
+
+@pytest.mark.parametrize(
+    ("content", "message"), [(None, "does not exist"), (b"not a database at all" * 50, "cannot be read"), (b"", "cannot be read")]
+)
+def test_what_is_no_journal_is_named(tmp_path, content, message):
+    if content is not None:
+        (tmp_path / "j").write_bytes(content)
+    with pytest.raises(JournalError, match=message):
+        Journal.open(tmp_path / "j")
+
+
+def test_a_full_disk_is_told_and_earlier_readings_stay(tmp_path):
+    with Journal.create(tmp_path / "j", ABOUT) as journal:
+        journal.append(reading(0))
+        pages = journal._connection.execute("PRAGMA page_count").fetchone()[0]
+        journal._connection.execute(f"PRAGMA max_page_count={pages}")
+        with pytest.raises(JournalError, match="could not be stored.*earlier readings are safe"):
+            for number in range(1, 200):
+                journal.append(reading(number))
+    with Journal.open(tmp_path / "j") as journal:
+        assert journal.readings()[0] == reading(0)
+
+
+def test_a_run_can_be_read_while_it_is_written(tmp_path):
+    with Journal.create(tmp_path / "j", ABOUT) as journal:
+        journal.append(reading(0))
+        with Journal.open(tmp_path / "j") as other:
+            assert len(other.readings()) == 1
+        journal.append(reading(1))
+
+
+def test_full_durability_is_on(tmp_path):
+    with Journal.create(tmp_path / "j", ABOUT) as journal:
+        assert journal._connection.execute("PRAGMA synchronous").fetchone() == (2,)
+        assert journal._connection.execute("PRAGMA journal_mode").fetchone() == ("wal",)
+    assert sqlite3.threadsafety >= 1
