@@ -8,16 +8,19 @@ PYTHON ?= python3
 BIN := .venv/bin
 endif
 
-.PHONY: demo test long lint format bench clean
+.PHONY: demo test long interop bench lint format clean
 
 demo: .venv/installed
 	$(BIN)/goniometer run recipes/iron_60deg.yaml --speed 40
 
-test: .venv/installed
-	$(BIN)/python -m pytest
+test: .venv/installed .venv-interop/installed
+	$(BIN)/python -m pytest -m "not long"
 
 long: .venv/installed
 	$(BIN)/python -m pytest -m long
+
+interop: .venv/installed .venv-interop/installed
+	$(BIN)/python -m pytest -m interop
 
 lint: .venv/installed
 	$(BIN)/ruff check .
@@ -34,5 +37,10 @@ format: .venv/installed
 	$(BIN)/python -m pip install --quiet --editable '.[dev]'
 	touch $@
 
+.venv-interop/installed: tests/interop/requirements.txt
+	$(PYTHON) -m venv .venv-interop
+	$(subst .venv,.venv-interop,$(BIN))/python -m pip install --quiet --requirement $<
+	touch $@
+
 clean:
-	rm -rf .venv build *.egg-info
+	rm -rf .venv .venv-interop build *.egg-info

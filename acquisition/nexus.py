@@ -60,7 +60,7 @@ def write_nexus(
     JournalError
         The file cannot be written.
     """
-    import h5py  # noqa: PLC0415 (0.1 s that a scan's start does not need)
+    import h5py  # 0.1 s that a scan's start does not need
 
     with written_whole(path) as part, h5py.File(part, "w") as file:
         version = importlib.metadata.version("goniometer")
@@ -140,7 +140,7 @@ def _write_points(entry: h5py.Group, points: Sequence[StokesPoint]) -> None:
     _field(group, "DoLP_debiased_errors", dolp_stderr, _DIMENSIONLESS)
 
     group = _plot(entry, "aolp", "AoLP", [], points)
-    _field(group, "AoLP", [point.aolp_deg for point in points], "deg", "angle of linear polarization from the s-direction")
+    _field(group, "AoLP", [point.aolp_deg for point in points], "deg", "angle of polarization from the s-direction")
     _field(group, "AoLP_errors", [point.aolp_stderr_deg for point in points], "deg")
 
 

@@ -17,7 +17,8 @@ _CONVENTIONS = """\
 # Angles are in degrees, from the surface normal. exit_deg is signed: positive on the mirror (forward) side,
 # negative on the side of the source. azimuth_deg is the turn of the sample stage.
 # s1 > 0 is s-polarized light: perpendicular to the plane of incidence. s2 > 0 is polarized at +45 degrees from s.
-# aolp_deg is in (-90, 90], from the s-direction. dolp is sqrt(s1^2 + s2^2)/s0; dolp_debiased is without the bias of noise.
+# aolp_deg is in (-90, 90], from the s-direction.
+# dolp is sqrt(s1^2 + s2^2)/s0; dolp_debiased is without the bias of noise.
 # Columns with stderr are standard errors (1 sigma); cov columns are the covariance matrix of (s0, s1, s2).
 """
 _ANGLES = ("incidence_deg", "exit_deg", "azimuth_deg")
@@ -77,9 +78,7 @@ def read_stokes_csv(path: Path) -> tuple[StokesPoint, ...]:
     header = next(rows, [])
     if missing := [column for column in COLUMNS if column not in header]:
         raise JournalError(f"{path} is not a table of Stokes points: it has no column {', '.join(missing)}.")
-    return tuple(
-        _point(path, number, header, row) for (number, _), row in zip(numbered[1:], rows, strict=True)
-    )
+    return tuple(_point(path, number, header, row) for (number, _), row in zip(numbered[1:], rows, strict=True))
 
 
 def _row(point: StokesPoint) -> list[str]:
@@ -100,7 +99,7 @@ def _point(path: Path, line: int, header: list[str], row: list[str]) -> StokesPo
         number = {column: float(cell[column]) for column in COLUMNS[1:]}
         index = int(cell["point"])
     except ValueError as error:
-        raise JournalError(f"{path}, line {line}, is damaged: {error}. Write the table again from the journal.") from error
+        raise JournalError(f"{path}, line {line}, is damaged: {error}. Write it again from the journal.") from error
     return StokesPoint(
         point=index,
         **{name: number[name] for name in (*_ANGLES, *_POLARIZATION)},

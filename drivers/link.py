@@ -155,7 +155,7 @@ class Link:
             self._received.clear()
             raise ReplyError(
                 self.device,
-                f"it sent more than {_LONGEST_FRAME} bytes without an end on port {self.port} (beginning {beginning!r})",
+                f"more than {_LONGEST_FRAME} bytes without an end came on port {self.port} (beginning {beginning!r})",
                 not_done="the answer was thrown away",
                 to_do="check that the port belongs to this device and that the baud rates agree",
             )

@@ -99,11 +99,11 @@ class ModbusRtu:
 
     def close(self) -> None:
         """Close the port; may be called again."""
-        self._client.close()
+        self._client.close()  # type: ignore[no-untyped-call]  # pymodbus leaves it without types
 
     def _exchange(self, function: int, request: str, send: Callable[[], ModbusPDU]) -> ModbusPDU:
         if self._unanswered:
-            self._client.close()  # a late answer to a request that was given up must not be taken for the next one
+            self.close()  # a late answer to a request that was given up must not be taken for the next one
         self.open()
         self._unanswered = True
         try:

@@ -146,14 +146,20 @@ class Esp301Axis:
         except ReplyTimeoutError:
             self._controller.raise_errors(not_done="the axis was not set up")  # says so if there is no such axis
             raise
-        unit = whole_number(self.name, f"{self._number}SN?", self._query("SN?"))
-        if not model or unit != _UNIT_DEGREES:
-            fault = f"axis {self._number} counts in unit {unit}, not in degrees (7)" if model else "there is no stage"
+        if not model:
             raise DeviceFaultError(
                 self.name,
-                f"{fault} at axis {self._number} of the controller" if not model else fault,
+                f"there is no stage at axis {self._number} of the controller",
                 not_done="nothing was set and nothing was moved",
-                to_do="check the axis number in the rig file, the stage's plug and the unit set in the controller",
+                to_do="check the stage's plug and the axis number in the rig file",
+            )
+        unit = whole_number(self.name, f"{self._number}SN?", self._query("SN?"))
+        if unit != _UNIT_DEGREES:
+            raise DeviceFaultError(
+                self.name,
+                f"axis {self._number} of the controller counts in unit {unit}, not in degrees (unit {_UNIT_DEGREES})",
+                not_done="nothing was set and nothing was moved",
+                to_do="check the axis number in the rig file, or set the unit in the controller",
             )
         self._send(f"VA{self.velocity_deg_s:.6f}")
         self._send(f"AC{self.acceleration_deg_s2:.6f}")

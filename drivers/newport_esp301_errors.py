@@ -35,7 +35,7 @@ _AXIS_ERRORS = {
     24: "speed out of range",
     30: "command not allowed during homing",
 }
-_REPORT = re.compile(r"(\d{1,4})\s*,\s*(\d+)\s*,\s*(.+)")
+_REPORT = re.compile(r"(\d{1,4})\s*,\s*(\d+)\s*,\s*(.+)", re.ASCII)
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,7 @@ import re
 
 from goniometer.errors import ReplyError
 
-_NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")
+_NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", re.ASCII)
 
 
 def number(device: str, question: str, answer: str) -> float:

@@ -1,4 +1,4 @@
-"""Thorlabs FW102C and FW212C filter wheels, used as analyzers: every character echoed, every answer ends in a prompt."""
+"""Thorlabs FW102C and FW212C filter wheels as analyzers: every command is echoed, every answer ends in a prompt."""
 
 from __future__ import annotations
 
@@ -73,7 +73,7 @@ class ThorlabsFw102c:
             )
 
     def start_select(self, slot: int) -> None:
-        """Begin to bring a slot into the beam; raises LimitError, with nothing sent, when the wheel has no such slot."""
+        """Begin to bring a slot into the beam; raises LimitError, with nothing sent, for a slot the wheel has not."""
         if not 1 <= slot <= self.slots:
             raise LimitError(
                 self.name,

@@ -12,7 +12,7 @@ from goniometer.errors import DeviceFaultError, LimitError, ReplyError, ReplyTim
 _OVER_RANGE = 9.9e37
 _READING = "MEAS:POW?"
 _MOST_ERRORS = 32
-_ERROR = re.compile(r"([+-]?\d+)\s*,\s*\"?([^\"]*)\"?")
+_ERROR = re.compile(r"([+-]?\d+)\s*,\s*\"?([^\"]*)\"?", re.ASCII)
 
 
 def parse_error(device: str, line: str) -> tuple[int, str]:
@@ -36,12 +36,16 @@ class ThorlabsPm100:
         The device's name in the rig file.
     sample_s : float
         Duration of one sample; an exposure is this times the averaging count.
+
+    Attributes
+    ----------
+    actual_exposure_s : float
+        Exposure of the reading begun last: the whole number of samples nearest to what was asked for.
     """
 
     def __init__(self, link: Link, clock: Clock, *, name: str, sample_s: float) -> None:
         self.name, self.sample_s = name, sample_s
         self.actual_exposure_s = 0.0
-        """Exposure of the reading begun last: the whole number of samples nearest to what was asked for."""
         self._link = link
         self._clock = clock
         self._unanswered = False
@@ -120,7 +124,7 @@ class ThorlabsPm100:
         if self._deadline.has_passed():
             raise ReplyTimeoutError(
                 self.name,
-                f"no reading on port {self._link.port} within twice the exposure of {self.actual_exposure_s:g} s and 2 s",
+                f"no reading on port {self._link.port} 2 s after twice its exposure of {self.actual_exposure_s:g} s",
                 not_done="the reading was given up",
                 to_do="check that the meter is on, that its cable sits, and that sample_s in the rig file is right",
             )

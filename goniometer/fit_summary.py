@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import astuple, dataclass
+from dataclasses import dataclass, replace
 
 from goniometer.plus_minus import number_and_error
 from model.fit import Estimate, FitResult
@@ -26,6 +26,10 @@ class ParameterRow:
     truth: str
     off: str
     note: str
+
+
+_HEADER = ParameterRow("parameter", "value", "error", "truth", "off, in ±", "")
+_HEADER_WITHOUT_TRUTH = replace(_HEADER, truth="", off="")
 
 
 def parameter_rows(fit: FitResult, truth: Mapping[str, float]) -> list[ParameterRow]:
@@ -60,6 +64,11 @@ def quality(fit: FitResult) -> str:
     )
 
 
+def model_name(fit: FitResult) -> str:
+    """Which lobes the fitted surface is made of; `FitResult.description` says more."""
+    return f"Model: {' + '.join(type(lobe).__name__.lower() for lobe in fit.surface.lobes)}."
+
+
 def fit_summary(fit: FitResult, truth: Mapping[str, float]) -> str:
     """Write a fit for a person to read: parameters, truth where known, chi-square and the model.
 
@@ -70,9 +79,20 @@ def fit_summary(fit: FitResult, truth: Mapping[str, float]) -> str:
     truth : mapping of str to float
         The simulated sample's own parameters; empty for a real sample.
     """
-    rows = parameter_rows(fit, truth)
-    header = ("parameter", "value", "standard error", *(("truth", "off, in errors") if truth else ("", "")), "")
-    return "\n".join([*_columns([header, *(astuple(row) for row in rows)]), "", quality(fit), f"Model: {fit.description}"])
+    return "\n".join([*table_lines(parameter_rows(fit, truth)), "", quality(fit), model_name(fit)])
+
+
+def table_lines(rows: Sequence[ParameterRow]) -> list[str]:
+    """Lay rows out in lines: a header, then one line a parameter, the columns aligned and all ± below each other."""
+    texts = [_HEADER, *rows] if any(row.truth for row in rows) else [_HEADER_WITHOUT_TRUTH, *rows]
+    names, values, errors, truths, offs = (
+        max(len(getattr(row, column)) for row in texts) for column in ("name", "value", "error", "truth", "off")
+    )
+    return [
+        f"{row.name:<{names}}   {row.value:>{values}} {'±' if row.error else ' '} {row.error:<{errors}}"
+        f"   {row.truth:>{truths}}   {row.off:>{offs}}   {row.note}".rstrip()
+        for row in texts
+    ]
 
 
 def _row(name: str, estimate: Estimate, truth: float | None) -> ParameterRow:
@@ -82,9 +102,3 @@ def _row(name: str, estimate: Estimate, truth: float | None) -> ParameterRow:
         off = f"{(estimate.value - truth) / estimate.stderr:+.1f}"
     note = "at its bound" if estimate.at_bound else "" if error else "not determined"
     return ParameterRow(name, value, error, "" if truth is None else f"{truth:.6g}", off, note)
-
-
-def _columns(table: Sequence[Sequence[str]]) -> list[str]:
-    """Lines with names to the left, numbers to the right, and errors meeting their numbers at the ±."""
-    names, values, errors, truths, offs, notes = ([max(map(len, column)), column] for column in zip(*table, strict=True))
-    return []

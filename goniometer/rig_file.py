@@ -2,18 +2,14 @@
 
 from __future__ import annotations
 
-import ipaddress
-import re
 from collections import Counter
 from collections.abc import Iterator
 from typing import Annotated, Literal, Self
-from urllib.parse import urlsplit
 
-from pydantic import AfterValidator, Field, WrapValidator, model_validator
-from pydantic.functional_validators import ValidatorFunctionWrapHandler
-from pydantic_core import PydanticCustomError, ValidationError
+from pydantic import Field, model_validator
 
 from acquisition.section import Section, SectionFault, refuse_all
+from goniometer.port_address import LoopbackAddress, Port
 
 Role = Literal["source_arm", "detector_arm", "sample_azimuth"]
 ROLES: tuple[Role, ...] = ("source_arm", "detector_arm", "sample_azimuth")
@@ -21,60 +17,8 @@ WHEEL_SIZES = (6, 12)
 """Positions of the FW102C and of the FW212C."""
 
 
-def _check_socket(address: str) -> str:
-    """Refuse a ``socket://`` address without a host or with an impossible port number."""
-    parts = urlsplit(address)
-    port = parts.port
-    if parts.scheme != "socket" or not parts.hostname or not port or parts.path:
-        raise ValueError
-    return parts.hostname
-
-
-def _check_port(port: str) -> str:
-    is_serial = re.fullmatch(r"COM[1-9]\d{0,2}|/dev/\S+", port) is not None
-    if port == "simulated" or is_serial:
-        return port
-    try:
-        _check_socket(port)
-    except ValueError:
-        raise ValueError(
-            f"got '{port}'; allowed: a serial port such as COM3 or /dev/ttyUSB0, a serial server such as "
-            "socket://192.168.0.10:4001, or simulated"
-        ) from None
-    return port
-
-
-def _check_loopback(address: str) -> str:
-    try:
-        host = _check_socket(address)
-        is_loopback = host == "localhost" or ipaddress.ip_address(host).is_loopback
-    except ValueError:
-        is_loopback = False
-    if not is_loopback:
-        raise ValueError(
-            f"got '{address}'; allowed: an address on this computer, socket://127.0.0.1:PORT, as goniometer simulate prints"
-        )
-    return address
-
-
-def _check_slot(content: object, handler: ValidatorFunctionWrapHandler) -> float | str:
-    try:
-        checked: float | str = handler(content)
-    except ValidationError:
-        raise PydanticCustomError(
-            "slot",
-            "got {content}; allowed: open, blocked, or the polarizer's angle in degrees from -360 to 360",
-            {"content": repr(content)},
-        ) from None
-    return checked
-
-
-Port = Annotated[str, AfterValidator(_check_port)]
-Slot = Annotated[
-    Annotated[float, Field(ge=-360, le=360)] | Literal["open", "blocked"],
-    WrapValidator(_check_slot),
-]
 Angle = Annotated[float, Field(ge=-360, le=360)]
+Slot = Angle | Literal["open", "blocked"]
 
 
 class AxisEntry(Section):
@@ -161,8 +105,8 @@ class ThorlabsFw102cEntry(Section):
         if sorted(self.slots) not in [list(range(1, size + 1)) for size in WHEEL_SIZES]:
             yield (
                 ("slots",),
-                f"describes the slots {', '.join(map(str, sorted(self.slots))) or 'none'}; allowed: every slot of the wheel, "
-                "1 to 6 or 1 to 12. Write blocked for a slot that is not used",
+                f"describes the slots {', '.join(map(str, sorted(self.slots))) or 'none'}; allowed: every slot of the "
+                "wheel, 1 to 6 or 1 to 12. Write blocked for a slot that is not used",
             )
         first: dict[float, int] = {}
         for slot, content in self.slots.items():
@@ -208,7 +152,7 @@ class Rig(Section):
     rig: str = Field(min_length=1, description="name of the bench, for a person")
     devices: dict[str, DeviceEntry] = Field(description="the bench's devices, each under a name of your choice")
     calibration: Calibration = Field(description="what turns detector power into reflectance")
-    bench: Annotated[str, AfterValidator(_check_loopback)] | None = Field(
+    bench: LoopbackAddress | None = Field(
         default=None,
         description="socket://127.0.0.1:PORT of the bench that goniometer simulate serves in another process",
     )
@@ -219,7 +163,7 @@ class Rig(Section):
         return self
 
     def _role_faults(self) -> Iterator[SectionFault]:
-        holders: dict[str, list[str]] = {role: [] for role in ROLES}
+        holders: dict[Role, list[str]] = {role: [] for role in ROLES}
         for name, device in self.devices.items():
             if isinstance(device, NewportEsp301Entry | OrientalAzEntry):
                 for role in device.axes:

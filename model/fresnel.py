@@ -77,3 +77,9 @@ def reflect(cos_facet: FloatArray, sin2_facet: FloatArray, index: complex) -> Re
         cross_real=-f * ((z_re - s2) * (z_re + s2) + z_im**2),
         cross_imag=2.0 * f * s2 * z_im,
     )
+
+
+def require_index(index: complex) -> None:
+    """Raise ValueError unless the index can be n + ik of a material."""
+    if not (0.0 < index.real < np.inf and 0.0 <= index.imag < np.inf):
+        raise ValueError(f"index is {index}; it is n + ik with n above 0 and k of at least 0, both finite.")

@@ -8,6 +8,7 @@ from typing import Protocol
 import numpy as np
 
 from model.facet import facet_mueller, facet_stokes
+from model.fresnel import require_index
 from model.geometry import Directions, FloatArray
 from model.mueller import depolarizer
 from model.slopes import require_sigma
@@ -51,7 +52,7 @@ class Specular:
     def __post_init__(self) -> None:
         _require_weight("rho_s", self.weight)
         require_sigma(self.sigma)
-        _require_index(self.index)
+        require_index(self.index)
 
     def mueller(self, directions: Directions) -> FloatArray:
         """Mueller matrices (..., 4, 4) in 1/sr."""
@@ -65,10 +66,10 @@ class Specular:
         """What the lobe is, and what it leaves out, for a person."""
         lost_normal, lost_60 = (1.0 - single_bounce_fraction(np.radians(angle), self.sigma) for angle in (0.0, 60.0))
         return (
-            f"Specular lobe, eq. (6): rho_s = {self.weight:.6g}, sigma = {self.sigma:.6g} (rms slope per axis), "
-            f"index {_format_index(self.index)}. One reflection in symmetric V-grooves (k = 1). Left out: light that "
-            f"meets a groove's walls twice or more, on a perfect mirror of this roughness {lost_normal:.2%} of the light "
-            f"at 0° incidence and {lost_60:.2%} at 60°, with the sharp ridge (caustic) that straight grooves would show "
+            f"Specular lobe, eq. (6): rho_s = {self.weight:.6g}, sigma = {self.sigma:.6g} (rms slope per axis), index "
+            f"{_format_index(self.index)}. One reflection in symmetric V-grooves (k = 1). Left out: light that meets a "
+            f"groove's walls twice or more (on a perfect mirror of this roughness {lost_normal:.2%} of the light at 0° "
+            f"incidence and {lost_60:.2%} at 60°), and with it the sharp ridge, or caustic, that straight grooves show "
             f"towards the mirror direction and a random rough surface does not."
         )
 
@@ -112,15 +113,17 @@ class Diffuse:
     def describe(self) -> str:
         """What the lobe is, and what it leaves out, for a person."""
         return (
-            f"Diffuse lobe, eq. (8): rho_d = {self.weight:.6g}, sigma = {self.sigma:.6g}, unpolarized, with the masking "
-            f"of single-bounce grooves and the printed power laws C1 = 0.8532 sigma^-0.095, C2 = 0.3595 sigma^1.785. "
-            f"Set to zero where the printed expression is negative (grazing exit on the mirror side)."
+            f"Diffuse lobe, eq. (8): rho_d = {self.weight:.6g}, sigma = {self.sigma:.6g}, unpolarized, with the "
+            f"masking of single-bounce grooves and the printed power laws C1 = 0.8532 sigma^-0.095, "
+            f"C2 = 0.3595 sigma^1.785. Set to zero where the printed expression is negative (grazing exit on the "
+            f"mirror side)."
         )
 
     def _reflectance(self, directions: Directions) -> FloatArray:
         c1, c2 = 0.8532 * self.sigma**-0.095, 0.3595 * self.sigma**1.785
         bracket = c1 * masking(directions) + c2 * directions.horizontal_product * masking_over_cosines(directions)
-        return self.weight / np.pi * np.maximum(bracket, 0.0)
+        reflectance: FloatArray = self.weight / np.pi * np.maximum(bracket, 0.0)
+        return reflectance
 
 
 @dataclass(frozen=True)
@@ -147,7 +150,7 @@ class Directional:
     def __post_init__(self) -> None:
         _require_weight("rho_dd", self.weight)
         require_sigma(self.sigma)
-        _require_index(self.index)
+        require_index(self.index)
 
     def mueller(self, directions: Directions) -> FloatArray:
         """Mueller matrices (..., 4, 4) in 1/sr."""
@@ -169,17 +172,13 @@ class Directional:
     def _reflectance(self, directions: Directions) -> FloatArray:
         with np.errstate(under="ignore"):
             cusp = np.exp(-2.0 * np.tan(directions.exit_rad) / self.sigma**2)
-        return self.weight * cusp / (np.sqrt(2.0 * np.pi) * self.sigma)
+        reflectance: FloatArray = self.weight * cusp / (np.sqrt(2.0 * np.pi) * self.sigma)
+        return reflectance
 
 
 def _require_weight(name: str, weight: float) -> None:
     if not 0.0 <= weight < np.inf:
         raise ValueError(f"{name} is {weight}; a lobe's weight must be a finite number of at least 0.")
-
-
-def _require_index(index: complex) -> None:
-    if not (0.0 < index.real < np.inf and 0.0 <= index.imag < np.inf):
-        raise ValueError(f"index is {index}; it is n + ik with n above 0 and k of at least 0, both finite.")
 
 
 def _format_index(index: complex) -> str:

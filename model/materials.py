@@ -55,7 +55,7 @@ def index(name: str, wavelength_nm: float) -> complex:
     if not low <= wavelength_nm <= high:
         covered = f"{low:g} nm only" if low == high else f"{low:g} nm to {high:g} nm"
         raise ValueError(
-            f"The table holds '{name}' at {covered}; {wavelength_nm:g} nm is outside, and indices are not extrapolated. "
-            f"Give the index at {wavelength_nm:g} nm itself."
+            f"The table holds '{name}' at {covered}; {wavelength_nm:g} nm is outside, and indices are not "
+            f"extrapolated. Give the index at {wavelength_nm:g} nm itself."
         )
     return complex(np.interp(wavelength_nm, wavelengths, [value for _, value in entries]))

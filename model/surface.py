@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from model.geometry import Directions, FloatArray, directions
 from model.lobes import Diffuse, Directional, Lobe, Specular
@@ -118,6 +118,6 @@ def _require_range(name: str, angle: ArrayLike, low: float, high: float, meaning
         raise ValueError(f"{name} holds {first:.9g} rad; allowed is {meaning}. Nothing was computed.")
 
 
-def _above_horizon(at: Directions) -> FloatArray:
-    above: FloatArray = (at.incidence_rad < _HORIZON_RAD) & (at.exit_rad < _HORIZON_RAD)
+def _above_horizon(at: Directions) -> NDArray[np.bool_]:
+    above: NDArray[np.bool_] = (at.incidence_rad < _HORIZON_RAD) & (at.exit_rad < _HORIZON_RAD)
     return above

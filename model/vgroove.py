@@ -1,7 +1,7 @@
 """Surfaces of V-grooves: how much light one reflection brings from i to r, and how it is polarized.
 
-A groove has two straight walls that end at the same height. Light that meets a wall once and leaves is the single-bounce
-term: the density of facets that mirror i into r, times the share G of such a facet that neither wall hides.
+A groove has two straight walls that end at the same height. Light that meets one wall once and leaves is the
+single-bounce term: the density of facets that mirror i into r, times the share G of such a facet that no wall hides.
 """
 
 from __future__ import annotations
@@ -10,8 +10,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from model.facet import facet_mueller
+from model.fresnel import require_index
 from model.geometry import Directions, FloatArray, directions
-from model.slopes import normal_density
+from model.slopes import normal_density, require_sigma
 
 
 def masking(directions: Directions) -> FloatArray:
@@ -19,15 +20,15 @@ def masking(directions: Directions) -> FloatArray:
 
     Source: Torrance and Sparrow 1967; beta is the angle of incidence on the facet.
     """
-    steepest = np.minimum(directions.cos_incidence, directions.cos_exit)
-    return np.minimum(1.0, steepest * _edge(directions))
+    lower = np.minimum(directions.cos_incidence, directions.cos_exit)
+    return np.minimum(1.0, lower * _edge(directions))
 
 
 def masking_over_cosines(directions: Directions) -> FloatArray:
     """G/(cos ti cos tr), which stays finite to the horizon where both G and the cosines vanish."""
-    steepest = np.minimum(directions.cos_incidence, directions.cos_exit)
-    flattest = np.maximum(directions.cos_incidence, directions.cos_exit)
-    ratio: FloatArray = np.minimum(1.0 / steepest, _edge(directions)) / flattest
+    lower = np.minimum(directions.cos_incidence, directions.cos_exit)
+    higher = np.maximum(directions.cos_incidence, directions.cos_exit)
+    ratio: FloatArray = np.minimum(1.0 / lower, _edge(directions)) / higher
     return ratio
 
 
@@ -70,13 +71,15 @@ def bounce_mueller(
     Raises
     ------
     ValueError
-        If other grooves or more bounces are asked for.
+        If other grooves or more bounces are asked for, or sigma or index cannot be what they stand for.
     """
     if bounces != 1 or asymmetry != 0.0:
         raise ValueError(
             f"Only one bounce in symmetric grooves is supported (bounces = 1, asymmetry = 0); "
             f"bounces = {bounces}, asymmetry = {asymmetry:g} was asked for. Nothing was computed."
         )
+    require_sigma(sigma)
+    require_index(index)
     at = directions(incidence_rad, exit_rad, azimuth_rad)
     return single_bounce(at, sigma)[..., None, None] * facet_mueller(at, index)
 

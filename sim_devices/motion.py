@@ -47,7 +47,7 @@ class Profile:
         begin_s, begin_deg, velocity = self.start_s, self.start_deg, self.start_velocity_deg_s
         for duration_s, acceleration in self.phases:
             for since_s in _roots(acceleration / 2, velocity, begin_deg - position_deg):
-                if 0 <= since_s <= duration_s and begin_s + since_s >= after_s:
+                if -1e-9 <= since_s <= duration_s + 1e-9 and begin_s + since_s >= after_s:
                     return begin_s + since_s
             begin_deg += (velocity + acceleration * duration_s / 2) * duration_s
             velocity += acceleration * duration_s

@@ -1,0 +1,5 @@
+"""`python -m goniometer`."""
+
+from goniometer.cli import main
+
+main()

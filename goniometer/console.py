@@ -1,0 +1,170 @@
+"""What a scan shows in a terminal, in a log file or to another program."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import fields, is_dataclass
+from types import TracebackType
+from typing import Any, Literal, Self, TextIO
+
+import numpy as np
+
+from acquisition.events import Event, FitRefused, FitUpdated, PointReduced, ScanStarted, Subscriber
+from acquisition.readings import StokesPoint
+from goniometer.durations import clock_text
+from goniometer.fit_summary import fit_summary, parameter_rows
+from goniometer.lasting_stream import LastingStream
+from goniometer.live_console import LiveConsole
+from goniometer.plus_minus import plus_minus
+from goniometer.scan_so_far import ScanSoFar
+from model.fit import FitResult
+
+Mode = Literal["auto", "plain", "quiet", "json"]
+
+_FIT_LINES = 10
+"""About how many lines a whole scan's live fit gets among the lines of its points."""
+
+
+@contextmanager
+def console_for(mode: Mode, stream: TextIO) -> Iterator[Subscriber]:
+    """Show a scan on a stream while the block runs.
+
+    The subscriber never raises because of the stream: whoever stops reading misses the rest, the scan goes on.
+
+    Parameters
+    ----------
+    mode : "auto", "plain", "quiet" or "json"
+        auto: a live view in a terminal, plain lines elsewhere; plain: one line a point; quiet: nothing; json: one event
+        a line.
+    stream : text stream
+        Where to show it, usually the standard output.
+
+    Yields
+    ------
+    callable
+        The subscriber to give to the scan.
+    """
+    lasting = LastingStream(stream)
+    if mode == "quiet":
+        yield _ignore
+    elif mode == "json":
+        yield JsonConsole(lasting)
+    elif mode == "auto" and lasting.isatty() and os.environ.get("TERM") != "dumb":
+        with LiveConsole(lasting) as live:
+            yield live
+    else:
+        with PlainConsole(lasting) as plain:
+            yield plain
+
+
+def _ignore(event: Event) -> None:
+    """Show nothing."""
+
+
+class PlainConsole:
+    """A line a point, a line of the live fit now and then, and a summary at the end; no escape codes.
+
+    Parameters
+    ----------
+    stream : LastingStream
+        Where the lines go.
+    """
+
+    def __init__(self, stream: LastingStream) -> None:
+        self._stream = stream
+        self._scan = ScanSoFar(time.monotonic)
+        self._points_at_fit_line = 0
+
+    def __call__(self, event: Event) -> None:
+        """Take an event in and say what is worth a line."""
+        self._scan(event)
+        match event:
+            case ScanStarted():
+                self._say(
+                    f"{event.recipe}: {event.points} points, {event.readings} readings, "
+                    f"about {clock_text(event.expected_duration_s)} on the bench's clock, into {event.run}"
+                )
+            case PointReduced():
+                self._say(self._point(event.stokes_point))
+            case FitUpdated() if self._is_fit_line_due(event.points):
+                self._points_at_fit_line = event.points
+                rows = parameter_rows(event.result, {})
+                values = (f"{row.name} {row.value} {f'± {row.error}' if row.error else row.note}" for row in rows)
+                self._say(f"  fit to {event.points} points: {', '.join(values)}")
+            case FitRefused() if self._is_fit_line_due(event.points):
+                self._points_at_fit_line = event.points
+                self._say(f"  no fit to {event.points} points: {event.reason}")
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        started, fit = self._scan.started, self._scan.fit
+        if started is None:
+            return
+        self._say(f"\n{self._scan.ending()}")
+        if fit is not None:
+            self._say(f"\n{fit_summary(fit.result, started.truth)}\n")
+
+    def _is_fit_line_due(self, points: int) -> bool:
+        total = self._scan.started.points if self._scan.started else 0
+        return points >= self._points_at_fit_line + max(total // _FIT_LINES, 1)
+
+    def _point(self, point: StokesPoint) -> str:
+        total = str(self._scan.started.points) if self._scan.started else "?"
+        return (
+            f"{self._scan.points:>{len(total)}} of {total}  exit {point.exit_deg:z7.2f}°  "
+            f"S0 {plus_minus(point.stokes[0], math.sqrt(point.covariance[0, 0])):<19} /sr  "
+            f"DoLP {plus_minus(point.dolp, point.dolp_stderr):<17}  "
+            f"AoLP {plus_minus(point.aolp_deg, point.aolp_stderr_deg)}°"
+        )
+
+    def _say(self, line: str) -> None:
+        self._stream.write(f"{line}\n")
+
+
+class JsonConsole:
+    """One JSON object a line: ``event``, the event's name, then all its fields.
+
+    Numbers that JSON cannot hold (NaN, infinite) are null; arrays are lists; a reading, a point or a fit is an object.
+
+    Parameters
+    ----------
+    stream : LastingStream
+        Where the lines go, each at once.
+    """
+
+    def __init__(self, stream: LastingStream) -> None:
+        self._stream = stream
+
+    def __call__(self, event: Event) -> None:
+        """Write an event's line."""
+        line = json.dumps({"event": type(event).__name__, **_as_json(event)}, ensure_ascii=False, allow_nan=False)
+        self._stream.write(f"{line}\n")
+
+
+def _as_json(value: Any) -> Any:
+    """Turn a value of an event into what `json` writes."""
+    match value:
+        case None | bool() | str() | int():
+            return value
+        case float() | np.floating():
+            return float(value) if math.isfinite(value) else None
+        case np.generic() | np.ndarray():
+            return _as_json(value.tolist())
+        case dict():
+            return {str(key): _as_json(entry) for key, entry in value.items()}
+        case list() | tuple():
+            return [_as_json(entry) for entry in value]
+    if isinstance(value, FitResult):
+        return _as_json(value.to_dict())
+    if is_dataclass(value):
+        return {field.name: _as_json(getattr(value, field.name)) for field in fields(value)}
+    raise TypeError(f"an event holds a {type(value).__name__}, which has no form in JSON yet")

@@ -1,0 +1,126 @@
+"""Whether recipe, rig and scene fit together, once each is valid by itself."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from pathlib import Path
+
+from acquisition.recipe import Recipe
+from goniometer.rig_file import NewportEsp301Entry, OrientalAzEntry, Rig, Role, ThorlabsFw102cEntry
+from goniometer.yaml_file import Fault, KeyPath, YamlFile
+from sim_devices.scene import Device, NewportEsp301Device, OrientalAzDevice, Scene, ThorlabsFw102cDevice
+
+
+def recipe_on_rig(recipe: Recipe, file: YamlFile, rig: Rig, rig_path: Path) -> Iterator[Fault]:
+    """Whatever a recipe asks that its rig cannot do, at the recipe's own lines."""
+    yield from _slot_faults(recipe, file, rig, rig_path)
+    yield from _angle_faults(recipe, file, rig, rig_path)
+    sample_s = rig.detector.sample_s
+    if recipe.exposure_s < sample_s:
+        yield file.fault(
+            ("exposure_s",),
+            f"got {recipe.exposure_s:g}; allowed: at least {sample_s:g}, the detector's sample_s in {rig_path}",
+        )
+    if rig.is_simulated and recipe.scene is None:
+        yield file.fault(
+            ("scene",), f"is missing, but {rig_path} is simulated. Name a scene file, or a rig of real devices"
+        )
+
+
+def _slot_faults(recipe: Recipe, file: YamlFile, rig: Rig, rig_path: Path) -> Iterator[Fault]:
+    contents = set(rig.analyzer.slots.values())
+    angles = ", ".join(f"{content:g}" for content in rig.analyzer.slots.values() if not isinstance(content, str))
+    for number, angle in enumerate(recipe.analyzer_deg):
+        if angle not in contents:
+            yield file.fault(
+                ("analyzer_deg", number),
+                f"got {angle:g}; allowed: the polarizer angles of {rig_path}, which are {angles or 'none'}",
+            )
+    if recipe.dark and "blocked" not in contents:
+        yield file.fault(
+            ("dark",), f"needs a blocked slot, which {rig_path} does not have. Write 'dark: false', or block a slot"
+        )
+    if recipe.reference is not None and "open" not in contents:
+        yield file.fault(("reference",), f"needs an open slot, which {rig_path} does not have. Leave reference out")
+
+
+def _angle_faults(recipe: Recipe, file: YamlFile, rig: Rig, rig_path: Path) -> Iterator[Fault]:
+    for role, place, angle in _angles(recipe):
+        low, high = rig.axes()[role].limits_deg
+        if not low <= angle <= high:
+            yield file.fault(
+                place, f"asks for {angle:g} degrees; allowed: {low:g} to {high:g}, the limits of {role} in {rig_path}"
+            )
+
+
+def _angles(recipe: Recipe) -> Iterator[tuple[Role, KeyPath, float]]:
+    """The angles that axes are sent to, with their places; of a range, its ends."""
+    yield "source_arm", ("incidence_deg",), recipe.incidence_deg
+    yield "sample_azimuth", ("azimuth_deg",), recipe.azimuth_deg
+    if recipe.exit is not None:
+        yield "detector_arm", ("exit", "start_deg"), recipe.exit_angles_deg()[0]
+        yield "detector_arm", ("exit", "stop_deg"), recipe.exit_angles_deg()[-1]
+    for number, angle in enumerate(recipe.exit_deg or ()):
+        yield "detector_arm", ("exit_deg", number), angle
+    if recipe.reference is not None:
+        yield "detector_arm", ("reference", "exit_deg"), recipe.reference.exit_deg
+
+
+def recipe_on_scene(recipe: Recipe, file: YamlFile, scene: Scene, scene_path: Path) -> Iterator[Fault]:
+    """Whatever a recipe asks that its scene does not hold, at the recipe's own lines."""
+    lamp_nm = scene.lamp.wavelength_nm
+    if recipe.wavelength_nm != lamp_nm:
+        yield file.fault(
+            ("wavelength_nm",), f"got {recipe.wavelength_nm:g}; allowed: {lamp_nm:g}, the lamp's in {scene_path}"
+        )
+
+
+def scene_on_rig(scene: Scene, file: YamlFile, rig: Rig, rig_path: Path) -> Iterator[Fault]:
+    """Where the devices that a scene simulates are not those of the rig, at the scene's own lines."""
+    for name, device in scene.devices.items():
+        if name not in rig.devices:
+            names = ", ".join(rig.devices)
+            yield file.fault(("devices", name), f"is not a device of {rig_path}; its devices are {names}")
+        elif device.type != rig.devices[name].driver:
+            yield file.fault(
+                ("devices", name, "type"),
+                f"got {device.type}; allowed: {rig.devices[name].driver}, the driver of {name} in {rig_path}",
+            )
+        else:
+            yield from _device_faults(name, device, file, rig, rig_path)
+    for name in rig.devices:
+        if name not in scene.devices:
+            yield file.fault(("devices",), f"does not hold the device {name}, which {rig_path} has. Add it")
+
+
+def _device_faults(name: str, device: Device, file: YamlFile, rig: Rig, rig_path: Path) -> Iterator[Fault]:
+    match rig.devices[name], device:
+        case NewportEsp301Entry(axes=axes), NewportEsp301Device(axes=simulated):
+            expected = {axis.axis: role for role, axis in axes.items()}
+            if simulated != expected:
+                wanted = ", ".join(f"{number}: {role}" for number, role in sorted(expected.items()))
+                yield file.fault(("devices", name, "axes"), f"differ from {rig_path}; allowed: {{{wanted}}}")
+        case OrientalAzEntry() as entry, OrientalAzDevice():
+            if device.unit != entry.unit:
+                yield file.fault(
+                    ("devices", name, "unit"), f"got {device.unit}; allowed: {entry.unit}, as in {rig_path}"
+                )
+            if device.axis not in entry.axes:
+                yield file.fault(
+                    ("devices", name, "axis"), f"got {device.axis}; allowed: {', '.join(entry.axes)}, as in {rig_path}"
+                )
+            for axis in entry.axes.values():
+                if not math.isclose(device.step_deg * axis.steps_per_deg, 1.0, rel_tol=1e-6):
+                    yield file.fault(
+                        ("devices", name, "step_deg"),
+                        f"got {device.step_deg:g}; allowed: {1.0 / axis.steps_per_deg:g}, by steps_per_deg in {rig_path}",
+                    )
+        case ThorlabsFw102cEntry() as entry, ThorlabsFw102cDevice():
+            if len(device.slots) != len(entry.slots):
+                yield file.fault(
+                    ("devices", name, "slots"),
+                    f"hold {len(device.slots)} slots; allowed: {len(entry.slots)}, as in {rig_path}",
+                )
+        case _:
+            pass

@@ -1,0 +1,140 @@
+"""The live view of a scan in a terminal."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from types import TracebackType
+from typing import IO, Self, cast
+
+from rich.console import Console, Group, RenderableType
+from rich.live import Live
+from rich.panel import Panel
+from rich.progress_bar import ProgressBar
+from rich.table import Table
+from rich.text import Text
+
+from acquisition.events import Event, ScanStarted
+from goniometer.durations import clock_text
+from goniometer.fit_summary import model_name, parameter_rows, quality, table_lines
+from goniometer.lasting_stream import LastingStream
+from goniometer.plus_minus import plus_minus
+from goniometer.scan_so_far import ScanSoFar
+from model.fit import FitResult
+
+_REFRESHES_PER_S = 6
+_WIDEST = 96
+_SPEED_WORTH_TELLING = 1.2
+_LABEL = "dim"
+
+
+class LiveConsole:
+    """Progress, angles, the last point and the live fit, redrawn a few times a second; a summary at the end.
+
+    An event only updates what is known; a thread of its own draws, so that the cost does not grow with a scan's speed.
+
+    Parameters
+    ----------
+    stream : LastingStream
+        The terminal.
+    now_s : callable
+        Real time in seconds.
+    """
+
+    def __init__(self, stream: LastingStream, now_s: Callable[[], float] = time.monotonic) -> None:
+        self._scan = ScanSoFar(now_s)
+        self._console = Console(file=cast(IO[str], stream), highlight=False, emoji=False, markup=False)
+        self._live = Live(
+            console=self._console, get_renderable=self._view, refresh_per_second=_REFRESHES_PER_S, transient=True
+        )
+
+    def __call__(self, event: Event) -> None:
+        """Take an event in; it shows with the next refresh."""
+        self._scan(event)
+
+    def __enter__(self) -> Self:
+        self._live.start()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._live.stop()
+        started = self._scan.started
+        if started is None:
+            return
+        self._console.print(Text(self._scan.ending(), style="bold"))
+        if self._scan.fit is not None:
+            fit = self._scan.fit.result
+            parts = (Text(), _parameters(fit, started), Text(), quality(fit), model_name(fit), Text())
+            self._console.print(Group(*parts))
+
+    def _view(self) -> RenderableType:
+        scan = self._scan
+        if scan.started is None:
+            return Text("Preparing the bench …", style=_LABEL)
+        return Panel(
+            Group(*self._progress(scan.started), Text(), self._bench(), Text(), *self._fit(scan.started)),
+            title=Text(scan.started.recipe, style="bold"),
+            subtitle=Text(scan.started.run, style=_LABEL),
+            title_align="left",
+            subtitle_align="right",
+            border_style="blue",
+            padding=(1, 2),
+            width=min(self._console.width, _WIDEST),
+        )
+
+    def _progress(self, started: ScanStarted) -> list[RenderableType]:
+        scan, left_s = self._scan, self._scan.real_left_s()
+        line = Table.grid(expand=True, padding=(0, 0, 0, 2))
+        line.add_column(ratio=1)
+        line.add_column()
+        line.add_column(justify="right", style="bold")
+        line.add_row(
+            ProgressBar(total=started.readings, completed=scan.readings, complete_style="blue", finished_style="green"),
+            f"{scan.readings:>{len(str(started.readings))}} of {started.readings} readings",
+            f"{clock_text(left_s) if left_s is not None else '-:--':>7} left",
+        )
+        bench = f"bench clock {clock_text(scan.bench_elapsed_s())} of {clock_text(started.expected_duration_s)}"
+        speed = scan.bench_speed()
+        if speed is not None and speed > _SPEED_WORTH_TELLING:
+            bench += f", {speed:.3g} times real time"
+        return [line, Text(bench, style=_LABEL)]
+
+    def _bench(self) -> Text:
+        step, point = self._scan.step, self._scan.point
+        text = Text()
+        if step is not None:
+            text.append("now         ", _LABEL)
+            _say(text, "incidence", f"{step.incidence_deg:z.2f}°")
+            _say(text, "exit", f"{step.exit_deg:z.2f}°")
+            _say(text, "azimuth", f"{step.azimuth_deg:z.2f}°")
+            _say(text, "slot", f"{step.slot}")
+        if point is not None:
+            text.append("\nlast point  ", _LABEL)
+            _say(text, "exit", f"{point.exit_deg:z.2f}°")
+            _say(text, "DoLP", plus_minus(point.dolp, point.dolp_stderr))
+            _say(text, "AoLP", f"{plus_minus(point.aolp_deg, point.aolp_stderr_deg)}°")
+        return text
+
+    def _fit(self, started: ScanStarted) -> list[RenderableType]:
+        fit, refusal = self._scan.fit, self._scan.refusal
+        if refusal is not None:
+            return [Text(f"No fit to the first {refusal.points} points: {refusal.reason}", style="yellow")]
+        if fit is None:
+            return [Text("No fit yet.", style=_LABEL)]
+        title = Text.assemble(("live fit", "bold"), (f"  first {fit.points} of {started.points} points", _LABEL))
+        return [title, Text(), _parameters(fit.result, started), Text(), Text(quality(fit.result), style=_LABEL)]
+
+
+def _say(text: Text, label: str, value: str) -> None:
+    text.append(f"{label} ", _LABEL).append(f"{value}   ")
+
+
+def _parameters(fit: FitResult, started: ScanStarted) -> Text:
+    rows = parameter_rows(fit, started.truth)
+    header, *lines = table_lines(rows)
+    text = Text(header, style=_LABEL, no_wrap=True, overflow="ellipsis")
+    for row, line in zip(rows, lines, strict=True):
+        text.append("\n").append(line, style="not dim yellow" if row.note else "not dim")
+    return text

@@ -1,0 +1,92 @@
+"""What the events of a scan add up to: where it stands, what it found last, how it ended."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from acquisition.events import (
+    Event,
+    FitRefused,
+    FitUpdated,
+    PointReduced,
+    ReadingStored,
+    ScanEnded,
+    ScanStarted,
+    StepStarted,
+)
+from acquisition.readings import StokesPoint
+from goniometer.durations import clock_text
+
+
+@dataclass
+class ScanSoFar:
+    """The newest event of each kind, and counts; a subscriber that costs about a microsecond an event.
+
+    Parameters
+    ----------
+    now_s : callable
+        Real time in seconds, from any origin.
+    """
+
+    now_s: Callable[[], float]
+    started: ScanStarted | None = None
+    step: StepStarted | None = None
+    point: StokesPoint | None = None
+    fit: FitUpdated | None = None
+    refusal: FitRefused | None = None
+    ended: ScanEnded | None = None
+    readings: int = 0
+    points: int = 0
+    start_s: float = 0.0
+    step_s: float = 0.0
+
+    def __call__(self, event: Event) -> None:
+        """Take an event in."""
+        match event:
+            case ReadingStored():
+                self.readings += 1
+            case StepStarted():
+                self.step, self.step_s = event, self.now_s()
+            case PointReduced():
+                self.point = event.stokes_point
+                self.points += 1
+            case FitUpdated():
+                self.fit, self.refusal = event, None
+            case FitRefused():
+                self.refusal = event
+            case ScanStarted():
+                self.started, self.start_s = event, self.now_s()
+            case ScanEnded():
+                self.ended = event
+
+    def bench_elapsed_s(self) -> float:
+        """How much of the expected duration is done, on the bench's clock."""
+        if self.started is None or self.step is None:
+            return 0.0
+        return self.started.expected_duration_s - self.step.time_left_s
+
+    def bench_speed(self) -> float | None:
+        """Seconds of the bench in a real second, 1 on a real bench; None until it shows."""
+        real_s = self.step_s - self.start_s
+        done_s = self.bench_elapsed_s()
+        return done_s / real_s if done_s > 0.0 and real_s > 0.0 else None
+
+    def real_left_s(self) -> float | None:
+        """How long the person in front of it still has to wait; None until that can be told."""
+        speed = self.bench_speed()
+        if self.step is None or speed is None:
+            return None
+        return max(self.step.time_left_s / speed - (self.now_s() - self.step_s), 0.0)
+
+    def ending(self) -> str:
+        """How the scan ended, as one sentence."""
+        if self.started is None:
+            return "The scan did not begin."
+        taken = f"{self.readings} of {self.started.readings} readings, {self.points} points"
+        if self.ended is None:
+            return f"{self.started.recipe}: cut short after {taken}."
+        took = f"{clock_text(self.ended.bench_duration_s)} on the bench's clock"
+        if self.ended.reason == "finished":
+            return f"{self.started.recipe}: finished, {taken}, {took}."
+        return f"{self.started.recipe}: ended early after {taken}, {took}. Reason: {self.ended.reason}"

@@ -1,0 +1,207 @@
+"""What a simulated bench holds: the scene file, as frozen models.
+
+Every number is strict: text and booleans are not taken for numbers, and infinities and NaN are refused.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from typing import Annotated, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, model_validator
+
+from model import materials
+
+AxisRole = Literal["source_arm", "detector_arm", "sample_azimuth"]
+Slot = Literal["open", "blocked"] | Annotated[float, Field(ge=-180, le=180)]
+
+
+class _Part(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True, strict=True, allow_inf_nan=False)
+
+
+class Index(_Part):
+    """Complex refractive index n + ik."""
+
+    n: float = Field(gt=0, le=20)
+    k: float = Field(ge=0, le=20)
+
+
+class Sample(_Part):
+    """The surface in the beam: rms slope `sigma`, the weights of its three lobes, and its material or its index."""
+
+    material: str | None = None
+    index: Index | None = None
+    sigma: float = Field(gt=0, le=2)
+    rho_s: float = Field(ge=0, le=10)
+    rho_d: float = Field(ge=0, le=10)
+    rho_dd: float = Field(ge=0, le=10)
+
+    @model_validator(mode="after")
+    def _has_one_index(self) -> Sample:
+        if (self.material is None) == (self.index is None):
+            raise ValueError("a sample needs a material or an index, and exactly one of the two")
+        if self.material is not None and self.material not in materials.names():
+            known = ", ".join(materials.names())
+            raise ValueError(
+                f"the material {self.material!r} is not known; known are {known}; for any other give its index: {{n, k}}"
+            )
+        return self
+
+    @model_validator(mode="after")
+    def _reflects(self) -> Sample:
+        if self.rho_s == self.rho_d == self.rho_dd == 0:
+            raise ValueError("rho_s, rho_d and rho_dd are all 0: such a sample reflects nothing; raise at least one")
+        return self
+
+
+class Lamp(_Part):
+    """The source: unpolarized, of one wavelength."""
+
+    power_w: float = Field(gt=0, le=10)
+    wavelength_nm: float = Field(ge=200, le=2000)
+
+
+class NewportEsp301Device(_Part):
+    """A Newport ESP301 controller; `axes` says which arm each of its axes turns."""
+
+    type: Literal["newport_esp301"]
+    axes: dict[Annotated[int, Field(ge=1, le=3)], AxisRole] = Field(min_length=1)
+
+
+class OrientalAzDevice(_Part):
+    """An Oriental Motor AZ drive; `unit` is its Modbus address and `step_deg` one step of its motor at the table."""
+
+    type: Literal["oriental_az"]
+    unit: int = Field(ge=1, le=31)
+    axis: AxisRole
+    step_deg: float = Field(ge=1e-4, le=1)
+
+
+class ThorlabsFw102cDevice(_Part):
+    """A Thorlabs wheel; `slots` gives the true angle of the polarizer in each slot, in degrees from s."""
+
+    type: Literal["thorlabs_fw102c"]
+    slots: dict[int, Slot]
+
+    @model_validator(mode="after")
+    def _fills_a_wheel(self) -> ThorlabsFw102cDevice:
+        if sorted(self.slots) not in (list(range(1, 7)), list(range(1, 13))):
+            given = ", ".join(str(slot) for slot in sorted(self.slots)) or "none"
+            raise ValueError(f"a wheel has slots 1 to 6, or 1 to 12, and each must be given; here are {given}")
+        return self
+
+
+class ThorlabsPm100Device(_Part):
+    """A Thorlabs power meter that accepts light from the solid angle `acceptance_sr`."""
+
+    type: Literal["thorlabs_pm100"]
+    acceptance_sr: float = Field(gt=0, le=0.1)
+
+
+Device = Annotated[
+    NewportEsp301Device | OrientalAzDevice | ThorlabsFw102cDevice | ThorlabsPm100Device,
+    Field(discriminator="type"),
+]
+
+
+class DarkCurrent(_Part):
+    """Power that the detector reports in the dark."""
+
+    effect: Literal["dark_current"]
+    power_w: float = Field(gt=0, le=1e-3)
+
+
+class ShotNoise(_Part):
+    """The statistics of counting photons."""
+
+    effect: Literal["shot_noise"]
+
+
+class ReadNoise(_Part):
+    """The detector's own noise: standard deviation of one 3 ms sample."""
+
+    effect: Literal["read_noise"]
+    power_w: float = Field(gt=0, le=1e-3)
+
+
+class Quantisation(_Part):
+    """Significant digits of a reading."""
+
+    effect: Literal["quantisation"]
+    digits: int = Field(ge=1, le=15)
+
+
+Effect = Annotated[DarkCurrent | ShotNoise | ReadNoise | Quantisation, Field(discriminator="effect")]
+
+
+class Scene(_Part):
+    """One simulated bench: sample, lamp, devices, and the effects of its detector.
+
+    `rig` is the path of the rig file whose devices the bench simulates, as written.
+    """
+
+    scene: str = Field(min_length=1)
+    rig: str = Field(min_length=1)
+    seed: int = Field(ge=0, lt=2**63)
+    sample: Sample
+    lamp: Lamp
+    devices: dict[str, Device]
+    effects: Annotated[tuple[Effect, ...], Field(strict=False)]
+
+    @model_validator(mode="after")
+    def _is_a_whole_bench(self) -> Scene:
+        types = Counter(device.type for device in self.devices.values())
+        faults = [
+            f"a bench needs exactly one {needed}, and this one has {types[needed]}"
+            for needed in ("thorlabs_fw102c", "thorlabs_pm100")
+            if types[needed] != 1
+        ]
+        roles = Counter(self._axis_roles())
+        faults += [
+            f"exactly one device must turn {role}, and here {roles[role]} do"
+            for role in ("source_arm", "detector_arm", "sample_azimuth")
+            if roles[role] != 1
+        ]
+        faults += [
+            f"the effect {effect} is given {count} times; give it once"
+            for effect, count in Counter(part.effect for part in self.effects).items()
+            if count > 1
+        ]
+        if faults:
+            raise ValueError("; ".join(faults))
+        return self
+
+    @model_validator(mode="after")
+    def _material_is_tabulated(self) -> Scene:
+        if self.sample.material is not None:
+            materials.index(self.sample.material, self.lamp.wavelength_nm)
+        return self
+
+    def index(self) -> complex:
+        """Refractive index n + ik of the sample at the lamp's wavelength."""
+        if self.sample.index is not None:
+            return complex(self.sample.index.n, self.sample.index.k)
+        assert self.sample.material is not None  # noqa: S101 - the validator has seen to it
+        return materials.index(self.sample.material, self.lamp.wavelength_nm)
+
+    def truth(self) -> dict[str, float]:
+        """The parameters that a fit of this scene should find: sigma, n, k and the three weights."""
+        index, sample = self.index(), self.sample
+        return {
+            "sigma": sample.sigma,
+            "n": index.real,
+            "k": index.imag,
+            "rho_s": sample.rho_s,
+            "rho_d": sample.rho_d,
+            "rho_dd": sample.rho_dd,
+        }
+
+    def _axis_roles(self) -> list[AxisRole]:
+        roles: list[AxisRole] = []
+        for device in self.devices.values():
+            if isinstance(device, NewportEsp301Device):
+                roles += device.axes.values()
+            elif isinstance(device, OrientalAzDevice):
+                roles.append(device.axis)
+        return roles

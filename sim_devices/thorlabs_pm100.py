@@ -1,0 +1,293 @@
+"""A simulated Thorlabs PM100D power meter with an S120C photodiode head."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+
+from sim_devices import scpi
+from sim_devices.device import Replies
+from sim_devices.effects import SAMPLE_S
+from sim_devices.lines import LineSplitter
+from sim_devices.timeline import Timeline
+from sim_devices.world import World
+
+_LATENCY_S = 0.002
+_ZERO_S = 2.001
+_IDENTITY = "THORLABS,PM100D,P0012345,2.8.0"
+_SENSOR = "S120C,12061234,07-May-2024,1,18,33"
+_RANGES_W = (5e-8, 5e-7, 5e-6, 5e-5, 5e-4, 5e-3, 5e-2)
+_OVER_RANGE, _NOT_A_NUMBER = 9.9e37, 9.91e37
+_LONGEST_LINE = 256
+
+# queries for a number with limits take MIN or MAX
+_QUERIES_WITH_LIMITS = frozenset(
+    spelling
+    for pattern in (
+        "SENSe:CORRection:WAVelength?",
+        "SENSe:CORRection[:LOSS]?",
+        "SENSe:POWer[:DC]:RANGe[:UPPer]?",
+        "SENSe:AVERage[:COUNt]?",
+    )
+    for spelling in scpi.headers(pattern)
+)
+
+_POWER_ON, _COMMAND_ERROR, _EXECUTION_ERROR = 0x80, 0x20, 0x10
+_ERROR_AVAILABLE = 0x04
+
+
+class _Reading(NamedTuple):
+    power_w: float
+    ready_s: float
+
+
+class ThorlabsPm100:
+    """A power meter that looks at the detector of `world`.
+
+    A reading takes 3 ms times the averaging count. Commands are run one after the other; a query for a reading that is
+    not finished is answered, and lets the commands behind it run, when it is.
+    """
+
+    def __init__(self, world: World) -> None:
+        self._world = world
+        self._errors = scpi.ErrorQueue()
+        self._events = _POWER_ON
+        self._free_s = 0.0
+        self._zero = Timeline(0.0)
+        self._zero_end_s = -math.inf
+        self._set_defaults()
+        self._commands: dict[str, Callable[[list[str], float], str | None]] = {
+            spelling: command for pattern, command in self._table().items() for spelling in scpi.headers(pattern)
+        }
+
+    def _set_defaults(self) -> None:
+        self._unit = "W"
+        self._average = 1
+        self._wavelength_nm = 635.0
+        self._range_w: float | None = None
+        self._loss_db = 0.0
+        self._filter = 0
+        self._reading: _Reading | None = None
+
+    def _table(self) -> dict[str, Callable[[list[str], float], str | None]]:
+        return {
+            "*IDN?": lambda arguments, now_s: _IDENTITY,
+            "*RST": lambda arguments, now_s: self._set_defaults(),
+            "*CLS": self._clear_status,
+            "*OPC?": self._operation_complete,
+            "*ESR?": self._event_status,
+            "*STB?": lambda arguments, now_s: str(_ERROR_AVAILABLE if len(self._errors) else 0),
+            "SYSTem:ERRor[:NEXT]?": lambda arguments, now_s: self._errors.next(),
+            "SYSTem:SENSor:IDN?": lambda arguments, now_s: _SENSOR,
+            "MEASure[:SCALar][:POWer]?": self._read,
+            "MEASure[:SCALar]:TEMPerature?": self._read_temperature,
+            "READ?": self._read,
+            "FETCh?": self._fetch,
+            "INITiate[:IMMediate]": self._initiate,
+            "CONFigure[:SCALar][:POWer]": lambda arguments, now_s: None,
+            "SENSe:POWer[:DC]:UNIT": self._set_unit,
+            "SENSe:POWer[:DC]:UNIT?": lambda arguments, now_s: self._unit,
+            "SENSe:POWer[:DC]:RANGe[:UPPer]": self._set_range,
+            "SENSe:POWer[:DC]:RANGe[:UPPer]?": self._tell_range,
+            "SENSe:POWer[:DC]:RANGe:AUTO": self._set_auto_range,
+            "SENSe:POWer[:DC]:RANGe:AUTO?": lambda arguments, now_s: str(int(self._range_w is None)),
+            "SENSe:CORRection:WAVelength": self._set_wavelength,
+            "SENSe:CORRection:WAVelength?": lambda arguments, now_s: _tell(arguments, self._wavelength_nm, 400, 1100),
+            "SENSe:CORRection[:LOSS]": self._set_loss,
+            "SENSe:CORRection[:LOSS]?": lambda arguments, now_s: _tell(arguments, self._loss_db, -60, 60),
+            "SENSe:CORRection:COLLect:ZERO[:INITiate]": self._collect_zero,
+            "SENSe:CORRection:COLLect:ZERO:ABORt": self._abort_zero,
+            "SENSe:CORRection:COLLect:ZERO:STATe?": lambda arguments, now_s: str(int(now_s < self._zero_end_s)),
+            "SENSe:CORRection:COLLect:ZERO:MAGNitude?": lambda arguments, now_s: _number(self._zero.at(now_s)),
+            "SENSe:AVERage[:COUNt]": self._set_average,
+            "SENSe:AVERage[:COUNt]?": self._tell_average,
+            "INPut:FILTer": self._set_filter,
+            "INPut:FILTer?": lambda arguments, now_s: str(self._filter),
+        }
+
+    def session(self) -> _Session:
+        """A new client."""
+        return _Session(self)
+
+    def execute(self, line: str, arrival_s: float) -> Replies:
+        """Run the commands of one line as soon as the meter is free; their answers share one line."""
+        if len(line) > _LONGEST_LINE:
+            self._refuse(scpi.ScpiError(-363))
+            return []
+        answers = []
+        for header, arguments in scpi.commands(line):
+            now_s = max(arrival_s, self._free_s)
+            self._free_s = now_s + _LATENCY_S
+            try:
+                answer = self._run(header, arguments, now_s)
+            except scpi.ScpiError as error:
+                self._refuse(error)
+                continue
+            if answer is not None:
+                answers.append(answer)
+        return [(self._free_s, (";".join(answers) + "\n").encode("ascii"))] if answers else []
+
+    def _refuse(self, error: scpi.ScpiError) -> None:
+        self._errors.add(error.number)
+        self._events |= _COMMAND_ERROR if error.number > -200 else _EXECUTION_ERROR
+
+    def _run(self, header: str, arguments: list[str], now_s: float) -> str | None:
+        if header not in self._commands:
+            raise scpi.ScpiError(-113)
+        # what can be asked for is set with one argument
+        sets = header + "?" in self._commands
+        if len(arguments) > (1 if sets or header in _QUERIES_WITH_LIMITS else 0):
+            raise scpi.ScpiError(-108)
+        if sets and not arguments:
+            raise scpi.ScpiError(-109)
+        return self._commands[header](arguments, now_s)
+
+    def _measure_w(self, now_s: float, exposure_s: float) -> float:
+        upper_w = _RANGES_W[-1] if self._range_w is None else self._range_w
+        if self._world.power_w(now_s + exposure_s / 2) > upper_w:
+            return _OVER_RANGE
+        return self._world.measure_w(now_s, exposure_s)
+
+    def _start_reading(self, now_s: float) -> _Reading:
+        exposure_s = self._average * SAMPLE_S
+        self._reading = _Reading(self._measure_w(now_s, exposure_s), now_s + exposure_s)
+        return self._reading
+
+    def _initiate(self, arguments: list[str], now_s: float) -> None:
+        self._start_reading(now_s)
+
+    def _read(self, arguments: list[str], now_s: float) -> str:
+        self._start_reading(now_s)
+        return self._fetch(arguments, now_s)
+
+    def _fetch(self, arguments: list[str], now_s: float) -> str:
+        if self._reading is None:
+            raise scpi.ScpiError(-230)
+        self._free_s = max(self._free_s, self._reading.ready_s)
+        return self._print_power(self._reading.power_w, self._zero.at(now_s))
+
+    def _print_power(self, power_w: float, zero_w: float) -> str:
+        if power_w == _OVER_RANGE:
+            return "9.9E+37"
+        # without a zero and a loss to correct for, not a bit of the reading changes
+        power_w = (power_w - zero_w) * 10 ** (self._loss_db / 10)
+        if self._unit == "W":
+            return _number(power_w)
+        return _number(10 * math.log10(power_w / 1e-3) if power_w > 0 else _NOT_A_NUMBER)
+
+    def _read_temperature(self, arguments: list[str], now_s: float) -> str:
+        # an S120C has no temperature sensor
+        raise scpi.ScpiError(-241)
+
+    def _clear_status(self, arguments: list[str], now_s: float) -> None:
+        self._errors.clear()
+        self._events = 0
+
+    def _operation_complete(self, arguments: list[str], now_s: float) -> str:
+        if self._reading is not None:
+            self._free_s = max(self._free_s, self._reading.ready_s)
+        return "1"
+
+    def _event_status(self, arguments: list[str], now_s: float) -> str:
+        events, self._events = self._events, 0
+        return str(events)
+
+    def _set_unit(self, arguments: list[str], now_s: float) -> None:
+        if arguments[0].upper() not in ("W", "DBM"):
+            raise scpi.ScpiError(-224)
+        self._unit = arguments[0].upper()
+
+    def _set_range(self, arguments: list[str], now_s: float) -> None:
+        wanted_w = _parse(arguments[0], 0.0, _RANGES_W[-1])
+        self._range_w = next(range_w for range_w in _RANGES_W if range_w >= wanted_w)
+
+    def _tell_range(self, arguments: list[str], now_s: float) -> str:
+        range_w = self._range_w
+        if range_w is None:
+            power_w = min(self._world.power_w(now_s), _RANGES_W[-1])
+            range_w = next(range_w for range_w in _RANGES_W if range_w >= power_w)
+        return _tell(arguments, range_w, _RANGES_W[0], _RANGES_W[-1])
+
+    def _set_auto_range(self, arguments: list[str], now_s: float) -> None:
+        upper_w = float(self._tell_range([], now_s))
+        self._range_w = None if _parse_switch(arguments[0]) else upper_w
+
+    def _set_wavelength(self, arguments: list[str], now_s: float) -> None:
+        self._wavelength_nm = _parse(arguments[0], 400, 1100)
+
+    def _set_loss(self, arguments: list[str], now_s: float) -> None:
+        self._loss_db = _parse(arguments[0], -60, 60)
+
+    def _set_average(self, arguments: list[str], now_s: float) -> None:
+        self._average = round(_parse(arguments[0], 1, 3000))
+
+    def _tell_average(self, arguments: list[str], now_s: float) -> str:
+        return str(round(float(_tell(arguments, self._average, 1, 3000))))
+
+    def _set_filter(self, arguments: list[str], now_s: float) -> None:
+        self._filter = _parse_switch(arguments[0])
+
+    def _collect_zero(self, arguments: list[str], now_s: float) -> None:
+        """Take what reaches the detector now for its dark signal, once the collection is over."""
+        zero_w = self._measure_w(now_s, _ZERO_S)
+        if zero_w == _OVER_RANGE:
+            raise scpi.ScpiError(-200)
+        self._zero_end_s = now_s + _ZERO_S
+        self._zero.add(self._zero_end_s, zero_w)
+
+    def _abort_zero(self, arguments: list[str], now_s: float) -> None:
+        if now_s < self._zero_end_s:
+            self._zero_end_s = now_s
+            self._zero.add(now_s, self._zero.at(now_s))
+
+
+def _number(value: float) -> str:
+    """Shortest text that reads back as the same number, in the form 1.234205E-03."""
+    return np.format_float_scientific(value, trim="0", exp_digits=2).upper()
+
+
+def _tell(arguments: list[str], value: float, low: float, high: float) -> str:
+    if not arguments:
+        return _number(value)
+    match arguments[0].upper():
+        case "MIN" | "MINIMUM":
+            return _number(low)
+        case "MAX" | "MAXIMUM":
+            return _number(high)
+        case _:
+            raise scpi.ScpiError(-224)
+
+
+def _parse(argument: str, low: float, high: float) -> float:
+    match argument.upper():
+        case "MIN" | "MINIMUM":
+            return low
+        case "MAX" | "MAXIMUM":
+            return high
+    try:
+        value = float(argument)
+    except ValueError:
+        raise scpi.ScpiError(-104) from None
+    if not low <= value <= high:
+        raise scpi.ScpiError(-222)
+    return value
+
+
+def _parse_switch(argument: str) -> int:
+    states = {"0": 0, "OFF": 0, "1": 1, "ON": 1}
+    if argument.upper() not in states:
+        raise scpi.ScpiError(-224)
+    return states[argument.upper()]
+
+
+class _Session:
+    def __init__(self, meter: ThorlabsPm100) -> None:
+        self._meter = meter
+        self._lines = LineSplitter(b"\n", limit=_LONGEST_LINE + 1)
+
+    def receive(self, data: bytes, now_s: float) -> Replies:
+        """Run every line that is complete."""
+        return [reply for line in self._lines.feed(data) for reply in self._meter.execute(line.strip(), now_s)]

@@ -1,0 +1,154 @@
+"""A scripted device on loopback, and a clock that a test turns by hand."""
+
+from __future__ import annotations
+
+import select
+import socket
+import threading
+from collections.abc import Callable, Iterator, Mapping
+
+import pytest
+
+from drivers.clock import Deadline
+from drivers.link import Link
+
+Split = Callable[[bytes], tuple[bytes, bytes, bytes]]
+
+
+class HandTurnedClock:
+    def __init__(self) -> None:
+        self.time_s = 0.0
+
+    def now(self) -> float:
+        return self.time_s
+
+    def sleep(self, duration_s: float) -> None:
+        self.time_s += duration_s
+
+
+class Peer(threading.Thread):
+    """Answers each command from a table; a list is used up answer by answer, its last one stays. Unknown: silence."""
+
+    def __init__(self, answers: Mapping[bytes, bytes | list[bytes]], split: Split) -> None:
+        super().__init__(daemon=True)
+        self._answers = {
+            command: answer if isinstance(answer, list) else [answer] for command, answer in answers.items()
+        }
+        self._split = split
+        self._listener = socket.create_server(("127.0.0.1", 0))
+        self._wake, self._woken = socket.socketpair()
+        self._client: socket.socket | None = None
+        self._connected = threading.Event()
+        self._one_at_a_time = threading.Lock()  # what a test says never overtakes an answer
+        self.port = f"socket://127.0.0.1:{self._listener.getsockname()[1]}"
+        self.commands: list[bytes] = []
+        self.connections = 0
+        self.start()
+
+    def run(self) -> None:
+        received = b""
+        while True:
+            sockets = [s for s in (self._listener, self._woken, self._client) if s is not None]
+            ready = select.select(sockets, [], [])[0]
+            if self._woken in ready:
+                return
+            if self._listener in ready:
+                self._hang_up()
+                self._client, received = self._listener.accept()[0], b""
+                self.connections += 1
+                self._connected.set()
+            elif self._client is not None:
+                try:
+                    data = self._client.recv(4096)
+                except OSError:
+                    data = b""
+                if not data:
+                    self._hang_up()
+                received += data
+                command, end, rest = self._split(received)
+                while end:
+                    received = rest
+                    with self._one_at_a_time:
+                        self.commands.append(command)
+                        self._answer(command)
+                    command, end, rest = self._split(received)
+
+    def say(self, data: bytes) -> None:
+        assert self._connected.wait(5)
+        assert self._client is not None
+        with self._one_at_a_time:
+            self._client.sendall(data)
+
+    def vanish(self) -> None:
+        assert self._connected.wait(5)
+        assert self._client is not None
+        self._client.shutdown(socket.SHUT_RDWR)
+
+    def close(self) -> None:
+        self._wake.close()
+        self.join(5)
+        self._hang_up()
+        self._woken.close()
+        self._listener.close()
+
+    def _answer(self, command: bytes) -> None:
+        answers = self._answers.get(command)
+        if answers and self._client is not None:
+            self._client.sendall(answers.pop(0) if len(answers) > 1 else answers[0])
+
+    def _hang_up(self) -> None:
+        if self._client is not None:
+            self._client.close()
+            self._client = None
+
+
+@pytest.fixture
+def make_peer() -> Iterator[Callable[..., Peer]]:
+    peers: list[Peer] = []
+
+    def make(
+        answers: Mapping[bytes, bytes | list[bytes]], *, terminator: bytes = b"\r", split: Split | None = None
+    ) -> Peer:
+        peers.append(Peer(answers, split or (lambda received: received.partition(terminator))))
+        return peers[-1]
+
+    yield make
+    for peer in peers:
+        peer.close()
+
+
+@pytest.fixture
+def open_link() -> Iterator[Callable[..., Link]]:
+    links: list[Link] = []
+
+    def make(port: str, device: str, reply_timeout_s: float = 2.0) -> Link:
+        links.append(Link(port, device=device, reply_timeout_s=reply_timeout_s))
+        return links[-1]
+
+    yield make
+    for link in links:
+        link.close()
+
+
+@pytest.fixture
+def clock() -> HandTurnedClock:
+    return HandTurnedClock()
+
+
+@pytest.fixture
+def no_real_grace(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let a deadline pass with the test's clock alone."""
+    monkeypatch.setattr(Deadline, "_REAL_GRACE_S", 0.0)
+
+
+@pytest.fixture
+def until() -> Callable[[Callable[[], bool]], None]:
+    """Poll until true: bytes on loopback take a moment of real time, the test's clock stands still."""
+
+    def poll(condition: Callable[[], bool]) -> None:
+        for _ in range(200_000):
+            if condition():
+                return
+        raise AssertionError("never became true")
+
+    return poll

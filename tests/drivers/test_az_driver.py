@@ -1,0 +1,256 @@
+from __future__ import annotations
+
+import socket
+import struct
+
+import pytest
+
+from drivers.modbus_rtu import ModbusRtu
+from drivers.oriental_az import OrientalAz
+from goniometer.errors import DeviceFaultError, LimitError, NotConnectedError, ReplyError, ReplyTimeoutError
+
+# Published frames: a move to 8500 steps at 2000 Hz and 1000 kHz/s, its answer, a position, STOP, data no. 0 = -1000.
+MOVE = bytes.fromhex(
+    "01 10 00 58 00 10 20 00000000 00000001 00002134 000007D0 000F4240 000F4240 000003E8 00000001 41 81"
+)
+MOVE_TAKEN = bytes.fromhex("01 10 00 58 00 10 40 16")
+POSITION = bytes.fromhex("01 03 00 CC 00 02 04 34")
+AT_8500 = bytes.fromhex("01 03 04 00 00 21 34 E3 B4")
+STOP = bytes.fromhex("01 06 00 7D 00 20 18 0A")
+MINUS_1000 = bytes.fromhex("01 10 18 02 00 02 04 FF FF FC 18 99 58")
+MINUS_1000_TAKEN = bytes.fromhex("01 10 18 02 00 02 E6 A8")
+
+READY, MOVE_BIT, IN_POSITION = 1 << 5, 1 << 13, 1 << 14
+
+
+def with_crc(frame: bytes) -> bytes:
+    crc = 0xFFFF
+    for byte in frame:
+        crc ^= byte
+        for _ in range(8):
+            crc = crc >> 1 ^ 0xA001 if crc & 1 else crc >> 1
+    return frame + struct.pack("<H", crc)
+
+
+def read(address: int, registers: int) -> bytes:
+    return with_crc(struct.pack(">BBHH", 1, 3, address, registers))
+
+
+def answer(*items: int) -> bytes:
+    return with_crc(struct.pack(f">BBB{len(items)}i", 1, 3, 4 * len(items), *items))
+
+
+def split(received: bytes) -> tuple[bytes, bytes, bytes]:
+    """Split off one request: command, whether there is one, rest."""
+    length = 9 + received[6] if received[1:2] == b"\x10" and len(received) > 6 else 8
+    return (received[:length], b"!", received[length:]) if len(received) >= length else (b"", b"", received)
+
+
+STATUS = read(0x007E, 4)
+COMMAND_POSITION = read(0x00C6, 2)
+COMMUNICATION_ERROR = read(0x00AC, 2)
+STOP_OFF = with_crc(bytes.fromhex("01 06 00 7D 00 00"))
+READY_AT_REST = answer(READY | IN_POSITION, 0)
+MOVING = answer(MOVE_BIT, 0)
+ANSWERS = {
+    STATUS: READY_AT_REST,
+    POSITION: AT_8500,
+    COMMAND_POSITION: answer(0),
+    COMMUNICATION_ERROR: answer(0),
+    MOVE: MOVE_TAKEN,
+    STOP: STOP,
+    STOP_OFF: STOP_OFF,
+}
+
+
+@pytest.fixture
+def stage(make_peer, clock):
+    stages = []
+
+    def make(changes=None, reply_timeout_s=2.0):
+        peer = make_peer(ANSWERS | (changes or {}), split=split)
+        stages.append(
+            OrientalAz(
+                peer.port,
+                clock,
+                name="sample_azimuth",
+                unit=1,
+                steps_per_deg=50,
+                limits_deg=(-180, 180),
+                velocity_deg_s=40,
+                acceleration_deg_s2=20_000,
+                settle_s=0.05,
+                tolerance_deg=0.03,
+                reply_timeout_s=reply_timeout_s,
+            )
+        )
+        return peer, stages[-1]
+
+    yield make
+    for stage in stages:
+        stage.close()
+
+
+def test_checksum_of_this_file_agrees_with_the_published_frames():
+    for frame in (MOVE, MOVE_TAKEN, POSITION, AT_8500, STOP, MINUS_1000, MINUS_1000_TAKEN):
+        assert with_crc(frame[:-2]) == frame
+
+
+def test_move_is_the_published_frame(stage):
+    peer, stage = stage({STATUS: [READY_AT_REST, MOVING, MOVING, READY_AT_REST]})
+    stage.start_move(170)
+    assert peer.commands == [STATUS, POSITION, MOVE, STATUS]
+    assert [stage.is_moving(), stage.is_moving()] == [True, False]
+
+
+def test_position_is_the_published_frame(stage):
+    peer, stage = stage()
+    assert stage.position_deg() == 170.0
+    assert peer.commands == [POSITION]
+
+
+def test_negative_numbers_are_the_published_frame(make_peer):
+    peer = make_peer({MINUS_1000: MINUS_1000_TAKEN, POSITION: answer(-1000)}, split=split)
+    modbus = ModbusRtu(peer.port, device="stage", unit=1, baudrate=115200, reply_timeout_s=2)
+    modbus.write_int32(0x1802, [-1000])
+    assert peer.commands == [MINUS_1000]
+    assert modbus.read_int32(0x00CC) == [-1000]
+    modbus.close()
+
+
+def test_stop_is_the_published_frame_and_is_released(stage):
+    peer, stage = stage()
+    stage.stop()
+    stage.stop()
+    assert peer.commands == [STOP, STOP_OFF, STOP, STOP_OFF]
+
+
+def test_connects_without_moving(stage):
+    peer, stage = stage()
+    stage.connect()
+    assert peer.commands == [STATUS]
+    assert (stage.name, stage.settle_s, stage.tolerance_deg) == ("sample_azimuth", 0.05, 0.03)
+
+
+@pytest.mark.parametrize("target_deg", [180.01, -180.01, float("nan")])
+def test_target_outside_the_limits_is_refused_before_the_first_byte(stage, target_deg):
+    peer, stage = stage()
+    with pytest.raises(LimitError, match=r"sample_azimuth: the target .* outside the limits -180 to 180"):
+        stage.start_move(target_deg)
+    stage.connect()
+    assert peer.commands == [STATUS]
+
+
+@pytest.mark.parametrize(("code", "text"), [(0x30, "overload"), (0x4A, "home is not set"), (0x99, "see its manual")])
+def test_alarm_is_a_fault_with_its_text(stage, code, text):
+    _, stage = stage({STATUS: answer(1 << 7, code)})
+    for use in (stage.connect, stage.is_moving, lambda: stage.start_move(10)):
+        with pytest.raises(DeviceFaultError, match=f"sample_azimuth: the drive has alarm 0x{code:02X}, {text}"):
+            use()
+
+
+def test_drive_that_is_not_ready_is_not_sent_a_move(stage):
+    peer, stage = stage({STATUS: MOVING})
+    with pytest.raises(DeviceFaultError, match="sample_azimuth: the drive is not ready"):
+        stage.start_move(170)
+    assert MOVE not in peer.commands
+
+
+@pytest.mark.usefixtures("no_real_grace")
+def test_move_that_the_drive_ignores_is_reported(stage):
+    _, stage = stage({COMMUNICATION_ERROR: answer(0x8D)})
+    with pytest.raises(DeviceFaultError, match=r"did not begin the move .*0x8D, command not executable"):
+        stage.start_move(170)
+
+
+def test_move_that_begins_late_is_accepted(stage):
+    peer, stage = stage({STATUS: [READY_AT_REST, READY_AT_REST, READY_AT_REST, MOVING]})
+    stage.start_move(170)
+    assert stage.is_moving()
+    assert peer.commands.count(MOVE) == 1
+
+
+def test_move_to_where_the_drive_stands_is_accepted_whatever_was_wrong_before(stage):
+    _, stage = stage({COMMAND_POSITION: answer(8500), COMMUNICATION_ERROR: answer(0x84)})
+    stage.start_move(170)
+    assert not stage.is_moving()
+
+
+@pytest.mark.parametrize("output", [0, READY, MOVE_BIT, MOVE_BIT | IN_POSITION])
+def test_motion_ends_only_at_rest_and_in_position(stage, output):
+    _, stage = stage({STATUS: answer(output, 0)})
+    assert stage.is_moving()
+
+
+@pytest.mark.usefixtures("no_real_grace")
+def test_motion_has_twice_its_duration_and_five_seconds(stage, clock):
+    _, stage = stage({STATUS: [READY_AT_REST, MOVING], POSITION: answer(0)})
+    stage.start_move(170)
+    limit_s = 2 * (170 / 40 + 40 / 20_000) + 5
+    clock.time_s = limit_s - 1e-6
+    assert stage.is_moving()
+    clock.time_s = limit_s + 1e-6
+    with pytest.raises(ReplyTimeoutError, match="sample_azimuth: the motion to 170 degrees has not ended"):
+        stage.is_moving()
+
+
+def test_silent_drive_is_asked_once_and_a_move_is_never_repeated(stage):
+    peer, stage = stage({MOVE: b""}, reply_timeout_s=0.05)
+    with pytest.raises(ReplyTimeoutError, match="sample_azimuth: no valid answer to the write to 0x0058 of unit 1"):
+        stage.start_move(170)
+    stage.stop()
+    assert peer.commands == [STATUS, POSITION, MOVE, STOP, STOP_OFF]
+
+
+def test_late_answer_is_not_taken_for_the_next_one(stage):
+    peer, stage = stage({POSITION: [b"", answer(50)]}, reply_timeout_s=0.05)
+    with pytest.raises(ReplyTimeoutError, match="no valid answer"):
+        stage.position_deg()
+    peer.say(AT_8500)
+    assert stage.position_deg() == 1.0
+    assert peer.connections == 2
+
+
+@pytest.mark.parametrize("garbage", [b"\x00", b"\xff" * 20, AT_8500[:-1] + b"\x00", b"\x02" + AT_8500[1:]])
+def test_garbage_is_no_valid_answer(stage, garbage):
+    _, stage = stage({POSITION: garbage}, reply_timeout_s=0.05)
+    with pytest.raises(ReplyTimeoutError, match="no valid answer to the read of 0x00CC"):
+        stage.position_deg()
+
+
+def test_endless_output_is_no_valid_answer(stage):
+    _, stage = stage({POSITION: b"\x55" * 200_000}, reply_timeout_s=0.05)
+    with pytest.raises(ReplyTimeoutError, match="no valid answer to the read of 0x00CC"):
+        stage.position_deg()
+
+
+def test_answer_of_another_length_or_function_is_refused(stage):
+    _, wrong_length = stage({POSITION: answer(1, 2)})
+    with pytest.raises(ReplyError, match="not 2 registers"):
+        wrong_length.position_deg()
+    _, wrong_function = stage({POSITION: STOP})
+    with pytest.raises(ReplyError, match="not function 3"):
+        wrong_function.position_deg()
+
+
+def test_modbus_exception_is_a_fault_with_its_text(stage):
+    _, stage = stage({POSITION: with_crc(bytes.fromhex("01 83 02"))})
+    with pytest.raises(DeviceFaultError, match="refused the read of 0x00CC with exception 2, illegal address"):
+        stage.position_deg()
+
+
+def test_vanished_drive_is_not_connected(stage):
+    peer, stage = stage()
+    stage.connect()
+    peer.vanish()
+    with pytest.raises(NotConnectedError, match=r"sample_azimuth: the link on port .* was lost"):
+        stage.position_deg()
+
+
+def test_closed_port_says_what_to_do_and_prints_nothing(clock, capfd):
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        free = server.getsockname()[1]
+    for port in (f"socket://127.0.0.1:{free}", "socket://nowhere", "socket://nowhere:x", "/dev/no_such_port"):
+        with pytest.raises(NotConnectedError, match=f"stage: port {port} cannot be opened"):
+            ModbusRtu(port, device="stage", unit=1, baudrate=115200, reply_timeout_s=0.05).open()
+    assert capfd.readouterr() == ("", "")

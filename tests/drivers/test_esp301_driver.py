@@ -1,0 +1,230 @@
+from __future__ import annotations
+
+import pytest
+
+from drivers.newport_esp301 import NewportEsp301
+from drivers.newport_esp301_errors import ControllerError, parse_error
+from goniometer.errors import DeviceFaultError, LimitError, ReplyError, ReplyTimeoutError
+
+CLEAN = b"0, 451322, NO ERROR DETECTED\r\n"
+ANSWERS = {
+    b"VE?": b"ESP301 Version 3.0.1 6/1/99\r\n",
+    b"TB?": CLEAN,
+    b"1ID?": b"URS100CC, SN1234\r\n",
+    b"1SN?": b"7\r\n",
+    b"1MO?": b"1\r\n",
+    b"1TP?": b"12.500000\r\n",
+    b"1MD?": b"1\r\n",
+}
+
+
+@pytest.fixture
+def arm(make_peer, open_link, clock):
+    """Make an axis on a peer that answers as in the table above, changed as asked."""
+
+    def make(reply_timeout_s=2.0, **changes):
+        peer = make_peer(ANSWERS | {name.encode() + b"?": answer for name, answer in changes.items()})
+        controller = NewportEsp301(open_link(peer.port, "arms", reply_timeout_s), clock)
+        axis = controller.axis(
+            1,
+            name="source_arm",
+            limits_deg=(-5, 90),
+            velocity_deg_s=20,
+            acceleration_deg_s2=80,
+            settle_s=0.05,
+            tolerance_deg=0.005,
+        )
+        return peer, controller, axis
+
+    return make
+
+
+def test_controller_connects_without_moving_and_returns_old_errors(arm):
+    peer, controller, _ = arm(TB=[b"6, 5, COMMAND DOES NOT EXIST\r\n", b"213, 9, AXIS-2 MOTOR NOT ENABLED\r\n", CLEAN])
+    assert controller.connect() == ("error 6, command does not exist", "error 213, motor not enabled (axis 2)")
+    assert peer.commands == [b"VE?", b"TB?", b"TB?", b"TB?"]
+
+
+def test_axis_connects_without_moving(arm):
+    peer, controller, axis = arm()
+    controller.connect()
+    axis.connect()
+    assert peer.commands == [
+        *(b"VE?", b"TB?", b"1ID?", b"1SN?"),
+        *(b"1VA20.000000", b"1AC80.000000", b"1AG80.000000", b"1MO", b"TB?", b"1MO?"),
+    ]
+    assert (axis.name, axis.settle_s, axis.tolerance_deg) == ("source_arm", 0.05, 0.005)
+
+
+def test_other_device_on_the_port_is_refused(arm):
+    _, controller, _ = arm(VE=b"COMMAND ERROR\r\n" * 10)
+    with pytest.raises(ReplyError, match=r"arms: the answer to 'VE\?' is 'COMMAND ERROR', .* identity of an ESP300"):
+        controller.connect()
+
+
+def test_axis_in_millimetres_is_refused_before_anything_is_set(arm):
+    peer, _, axis = arm(**{"1SN": b"2\r\n"})
+    with pytest.raises(DeviceFaultError, match="source_arm: axis 1 of the controller counts in unit 2, not in degrees"):
+        axis.connect()
+    assert peer.commands == [b"1ID?", b"1SN?"]
+
+
+@pytest.mark.parametrize("answer", [b"\r\n", b" , \r\n"])
+def test_axis_without_a_stage_is_refused(arm, answer):
+    _, _, axis = arm(**{"1ID": answer})
+    with pytest.raises(DeviceFaultError, match="source_arm: there is no stage at axis 1"):
+        axis.connect()
+
+
+def test_axis_that_does_not_exist_is_told_from_a_silent_controller(arm):
+    peer, _, axis = arm(reply_timeout_s=0.05, **{"1ID": b"", "TB": [b"9, 5, AXIS NUMBER OUT OF RANGE\r\n", CLEAN]})
+    with pytest.raises(DeviceFaultError, match="error 9, axis number out of range"):
+        axis.connect()
+    assert b"1MO" not in peer.commands
+
+
+def test_refused_velocity_and_motor_that_stays_off_are_faults(arm):
+    _, _, axis = arm(TB=[b"110, 5, AXIS-1 MAXIMUM VELOCITY EXCEEDED\r\n", CLEAN])
+    with pytest.raises(
+        DeviceFaultError, match="source_arm: the controller reports error 110, maximum velocity exceeded"
+    ):
+        axis.connect()
+    _, _, axis = arm(**{"1MO": b"0\r\n"})
+    with pytest.raises(DeviceFaultError, match="source_arm: the motor stays off"):
+        axis.connect()
+
+
+def test_move_sends_the_target_and_asks_for_errors(arm):
+    peer, _, axis = arm(**{"1MD": [b"0\r\n", b"0\r\n", b"1\r\n"]})
+    axis.start_move(60)
+    assert peer.commands == [b"1TP?", b"1PA60.000000", b"TB?"]
+    assert [axis.is_moving(), axis.is_moving(), axis.is_moving()] == [True, True, False]
+    assert peer.commands[3:] == [b"1MD?", b"1MD?", b"1MD?", b"TB?"]
+
+
+@pytest.mark.parametrize("target_deg", [90.001, -5.001, float("nan"), float("inf")])
+def test_target_outside_the_limits_is_refused_before_the_first_byte(arm, target_deg):
+    peer, _, axis = arm()
+    with pytest.raises(LimitError, match=r"source_arm: the target .* is outside the limits -5 to 90 degrees"):
+        axis.start_move(target_deg)
+    assert axis.position_deg() == 12.5
+    assert peer.commands == [b"1TP?"]
+
+
+@pytest.mark.parametrize("target_deg", [-5, 90])
+def test_the_limits_themselves_are_allowed(arm, target_deg):
+    peer, _, axis = arm()
+    axis.start_move(target_deg)
+    assert b"1PA%.6f" % target_deg in peer.commands
+
+
+@pytest.mark.parametrize(
+    ("report", "said"),
+    [(b"106, 1, AXIS-1 X\r\n", "positive software limit"), (b"113, 1, AXIS-1 X\r\n", "motor not enabled")],
+)
+def test_move_that_the_controller_refuses_is_reported_at_once(arm, report, said):
+    _, _, axis = arm(TB=[report, CLEAN])
+    with pytest.raises(
+        DeviceFaultError, match=f"source_arm: .*{said}.* Not done: the move of source_arm to 60 degrees"
+    ):
+        axis.start_move(60)
+
+
+def test_fault_during_the_motion_is_raised_when_it_ends(arm):
+    _, _, axis = arm(TB=[CLEAN, b"103, 1, AXIS-1 FOLLOWING ERROR\r\n", CLEAN])
+    axis.start_move(60)
+    with pytest.raises(DeviceFaultError, match="following error threshold exceeded"):
+        axis.is_moving()
+
+
+def test_fault_names_the_axis_it_belongs_to(arm):
+    _, controller, axis = arm(TB=[b"203, 1, AXIS-2 FOLLOWING ERROR\r\n", CLEAN])
+    controller.axis(
+        2,
+        name="detector_arm",
+        limits_deg=(-85, 85),
+        velocity_deg_s=20,
+        acceleration_deg_s2=80,
+        settle_s=0,
+        tolerance_deg=1,
+    )
+    with pytest.raises(DeviceFaultError, match=r"detector_arm: the controller reports error 203, .* \(axis 2\)"):
+        axis.is_moving()
+
+
+@pytest.mark.usefixtures("no_real_grace")
+def test_motion_has_twice_its_duration_and_five_seconds(arm, clock):
+    _, _, axis = arm(**{"1MD": b"0\r\n"})
+    axis.start_move(60)
+    expected_s = 47.5 / 20 + 20 / 80
+    clock.time_s = 0.01 + 2 * expected_s + 5 - 1e-6
+    assert axis.is_moving()
+    clock.time_s += 2e-6
+    with pytest.raises(ReplyTimeoutError, match="source_arm: the motion to 60 degrees has not ended"):
+        axis.is_moving()
+
+
+@pytest.mark.usefixtures("no_real_grace")
+def test_motion_that_ended_while_the_host_hung_is_good(arm, clock):
+    _, _, axis = arm()
+    axis.start_move(60)
+    clock.time_s = 1e6
+    assert not axis.is_moving()
+
+
+@pytest.mark.parametrize("answer", [b"nan\r\n", b"ESP301\r\n", b"\xff\xfe\r\n", b"1.0 2.0\r\n"])
+def test_garbage_position_is_refused(arm, answer):
+    _, _, axis = arm(**{"1TP": answer})
+    with pytest.raises(ReplyError, match=r"source_arm: the answer to '1TP\?'"):
+        axis.position_deg()
+
+
+def test_garbage_motion_state_is_refused(arm):
+    _, _, axis = arm(**{"1MD": b"2\r\n"})
+    with pytest.raises(ReplyError, match="not 0 or 1"):
+        axis.is_moving()
+
+
+def test_stop_needs_no_answer_may_be_repeated_and_interrupts_an_exchange(arm, until):
+    peer, _, axis = arm(reply_timeout_s=0.05, **{"1TP": b""})
+    with pytest.raises(ReplyTimeoutError, match="1TP"):
+        axis.position_deg()
+    axis.stop()
+    axis.stop()
+    until(lambda: peer.commands == [b"1TP?", b"1ST", b"1ST"])
+
+
+def test_late_answer_is_not_taken_for_the_next_one(arm):
+    peer, _, axis = arm(
+        reply_timeout_s=0.05, **{"1TP": [b"", b"34.000000\r\n"], "VE": b"12.500000\r\n" + ANSWERS[b"VE?"]}
+    )
+    with pytest.raises(ReplyTimeoutError, match="1TP"):
+        axis.position_deg()
+    assert axis.position_deg() == 34.0
+    assert peer.commands == [b"1TP?", b"VE?", b"1TP?"]
+
+
+def test_error_queue_without_an_end_is_refused(arm):
+    _, controller, _ = arm(TB=b"6, 5, COMMAND DOES NOT EXIST\r\n")
+    with pytest.raises(ReplyError, match="end of a queue of ten errors"):
+        controller.connect()
+
+
+@pytest.mark.parametrize(
+    ("line", "error"),
+    [
+        ("0, 451322, NO ERROR DETECTED", None),
+        ("6, 1, COMMAND DOES NOT EXIST", ControllerError(6, None, "command does not exist")),
+        ("303,1,FOLLOWING ERROR", ControllerError(303, 3, "following error threshold exceeded")),
+        ("208, 1, X", ControllerError(208, 2, "motor or stage not connected")),
+        ("199, 1, SOMETHING NEW", ControllerError(199, 1, "something new")),
+    ],
+)
+def test_error_reports(line, error):
+    assert parse_error("arms", line) == error
+
+
+@pytest.mark.parametrize("line", ["", "0", "12.5", "a, b, c", "0, 451322,"])
+def test_malformed_error_reports_are_refused(line):
+    with pytest.raises(ReplyError, match="not an error report"):
+        parse_error("arms", line)

@@ -1,0 +1,168 @@
+from __future__ import annotations
+
+import pytest
+
+from drivers.link import take_frame
+from drivers.thorlabs_fw102c import Exchange, ThorlabsFw102c, parse_exchange
+from goniometer.errors import DeviceFaultError, LimitError, PositionError, ReplyError, ReplyTimeoutError
+
+IDENTITY = b"*idn?\rTHORLABS FW102C/FW212C Filter Wheel version 1.07\r> "
+UNKNOWN = b"\rCommand error CMD_NOT_DEFINED\r> "
+ANSWERS = {b"": UNKNOWN, b"*idn?": IDENTITY, b"pcount?": b"pcount?\r6\r> ", b"pos?": b"pos?\r3\r> "}
+
+EXCHANGES = [
+    (b"pos?\r3\r> ", Exchange("pos?", "3")),
+    (b"speed=1\r> ", Exchange("speed=1", "")),
+    (b"foo\rCommand error CMD_NOT_DEFINED\n> ", Exchange("foo", "Command error CMD_NOT_DEFINED")),
+    (b"foo\rCommand error CMD_NOT_DEFINED\r> ", Exchange("foo", "Command error CMD_NOT_DEFINED")),
+    (b"\x00\x00\x00\rCommand error CMD_NOT_DEFINED\r> ", Exchange("", "Command error CMD_NOT_DEFINED")),
+    (IDENTITY, Exchange("*idn?", "THORLABS FW102C/FW212C Filter Wheel version 1.07")),
+]
+
+
+@pytest.mark.parametrize(("sent", "exchange"), EXCHANGES)
+@pytest.mark.parametrize("trailing", [b"", b"pos?\r4\r> "])
+def test_exchange_fed_whole(sent, exchange, trailing):
+    received = bytearray(sent + trailing)
+    assert parse_exchange(take_frame(received, b"> ")) == exchange
+    assert received == trailing
+
+
+@pytest.mark.parametrize(("sent", "exchange"), EXCHANGES)
+def test_exchange_fed_byte_by_byte(sent, exchange):
+    received = bytearray()
+    frames = []
+    for byte in sent:
+        received.append(byte)
+        frames.append(take_frame(received, b"> "))
+    assert frames[:-1] == [None] * (len(sent) - 1)
+    assert parse_exchange(frames[-1]) == exchange
+
+
+@pytest.fixture
+def wheel(make_peer, open_link, clock):
+    def make(reply_timeout_s=2.0, changes=None):
+        peer = make_peer(ANSWERS | (changes or {}))
+        link = open_link(peer.port, "analyzer", reply_timeout_s)
+        return peer, ThorlabsFw102c(link, clock, name="analyzer", slots=6, slot_s=0.5, settle_s=0.05)
+
+    return make
+
+
+def test_connects_without_moving(wheel):
+    peer, wheel = wheel()
+    wheel.connect()
+    assert peer.commands == [b"", b"*idn?", b"pcount?"]
+
+
+def test_connects_through_zero_bytes_and_the_answers_of_an_earlier_user(wheel):
+    _, wheel = wheel(changes={b"": b"\x00\x00pos=3\r> \x00" + UNKNOWN})
+    wheel.connect()
+    assert wheel.slot() == 3
+
+
+def test_wheel_with_other_slots_is_refused(wheel):
+    _, wheel = wheel(changes={b"pcount?": b"pcount?\r12\r> "})
+    with pytest.raises(DeviceFaultError, match="analyzer: the wheel is set up for 12 slots, the rig file for 6"):
+        wheel.connect()
+
+
+@pytest.mark.usefixtures("no_real_grace")
+def test_silent_wheel_and_other_devices_are_not_waited_for_without_end(wheel):
+    for changes in ({b"": b"", b"*idn?": b""}, {b"*idn?": b"*idn?\rSOMETHING ELSE\r> "}):
+        _, silent = wheel(changes=changes)
+        with pytest.raises(ReplyTimeoutError, match="analyzer: no prompt from the wheel"):
+            silent.connect()
+
+
+def test_selecting_returns_at_once_and_ends_with_the_prompt(wheel, until):
+    peer, wheel = wheel(changes={b"pos=3": b"pos=3\r"})
+    wheel.start_select(3)
+    until(lambda: peer.commands == [b"pos=3"])
+    assert wheel.is_moving()
+    peer.say(b"> ")
+    until(lambda: not wheel.is_moving())
+    assert peer.commands == [b"pos=3", b"pos?"]
+    assert not wheel.is_moving()
+
+
+def test_wheel_that_stops_elsewhere_is_a_position_error(wheel, until):
+    _, wheel = wheel(changes={b"pos=4": b"pos=4\r> "})
+    wheel.start_select(4)
+    with pytest.raises(PositionError, match="analyzer: the wheel was sent to slot 4 but stands at slot 3"):
+        until(lambda: not wheel.is_moving())
+
+
+def test_refused_command_is_a_fault(wheel, until):
+    _, wheel = wheel(changes={b"pos=4": b"pos=4\rCommand error CMD_ARG_INVALID\r> "})
+    wheel.start_select(4)
+    with pytest.raises(DeviceFaultError, match="the wheel refused 'pos=4': Command error CMD_ARG_INVALID"):
+        until(lambda: not wheel.is_moving())
+
+
+@pytest.mark.parametrize("slot", [0, 7, -1])
+def test_slot_that_does_not_exist_is_refused_before_the_first_byte(wheel, slot):
+    peer, wheel = wheel()
+    with pytest.raises(LimitError, match=f"analyzer: slot {slot} does not exist"):
+        wheel.start_select(slot)
+    assert wheel.slot() == 3
+    assert peer.commands == [b"pos?"]
+
+
+@pytest.mark.usefixtures("no_real_grace")
+def test_motion_has_one_second_and_four_a_slot(wheel, clock):
+    _, wheel = wheel(changes={b"pos=4": b"pos=4\r"})
+    wheel.start_select(4)
+    clock.time_s = 13 - 1e-6
+    assert wheel.is_moving()
+    clock.time_s = 13 + 1e-6
+    with pytest.raises(ReplyTimeoutError, match=r"within 13 s.* Not done: slot 4 was not reached"):
+        wheel.is_moving()
+
+
+@pytest.mark.usefixtures("no_real_grace")
+def test_prompt_that_came_while_the_host_hung_is_good(clock):
+    class PromptHasCome:
+        def write(self, data):
+            pass
+
+        def poll_until(self, terminator):
+            return b"pos=3\r"
+
+        def read_until(self, terminator):
+            return b"pos?\r3\r"
+
+    wheel = ThorlabsFw102c(PromptHasCome(), clock, name="analyzer", slots=6, slot_s=0.5, settle_s=0.05)
+    wheel.start_select(3)
+    clock.time_s = 1e6
+    assert not wheel.is_moving()
+
+
+def test_stop_sends_nothing_and_the_next_question_drops_the_answer_of_the_motion(wheel):
+    peer, wheel = wheel(changes={b"pos=4": b"pos=4\r", b"": b"> " + UNKNOWN})
+    wheel.start_select(4)
+    wheel.stop()
+    wheel.stop()
+    assert not wheel.is_moving()
+    assert wheel.slot() == 3
+    assert peer.commands == [b"pos=4", b"", b"*idn?", b"pos?"]
+
+
+@pytest.mark.parametrize("answer", [b"pos?\r> ", b"pos?\rx\r> ", b"3\r> ", b"pcount?\r6\r> ", b"\xff\xfe> "])
+def test_garbage_is_refused(wheel, answer):
+    _, wheel = wheel(changes={b"pos?": answer})
+    with pytest.raises(ReplyError, match=r"analyzer: the answer to 'pos\?' is"):
+        wheel.slot()
+
+
+def test_wheel_that_never_ends_its_answer_is_refused(wheel):
+    _, wheel = wheel(changes={b"pos?": b"x" * 10_000})
+    with pytest.raises(ReplyError, match="more than 4096 bytes"):
+        wheel.slot()
+
+
+def test_question_after_a_timeout_is_answered_afresh(wheel):
+    _, wheel = wheel(reply_timeout_s=0.05, changes={b"pos?": [b"pos?\r", b"pos?\r5\r> "], b"": b"2\r> " + UNKNOWN})
+    with pytest.raises(ReplyTimeoutError, match="no complete answer"):
+        wheel.slot()
+    assert wheel.slot() == 5

@@ -1,0 +1,193 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from drivers.link import take_frame
+from drivers.thorlabs_pm100 import ThorlabsPm100, parse_error
+from goniometer.errors import DeviceFaultError, LimitError, ReplyError, ReplyTimeoutError
+
+NONE = b'+0,"No error"\n'
+ANSWERS = {
+    b"*IDN?": b"THORLABS,PM100D,P0012345,2.8.0\n",
+    b"SYST:ERR?": NONE,
+    b"SENS:CORR:WAV? MIN": b"400\n",
+    b"SENS:CORR:WAV? MAX": b"1100\n",
+    b"SENS:CORR:WAV?": b"550\n",
+    b"SENS:AVER?": b"10\n",
+    b"MEAS:POW?": b"1.234205E-03\n",
+}
+
+
+@pytest.fixture
+def meter(make_peer, open_link, clock):
+    def make(reply_timeout_s=2.0, changes=None):
+        peer = make_peer(ANSWERS | (changes or {}), terminator=b"\n")
+        return peer, ThorlabsPm100(open_link(peer.port, "meter", reply_timeout_s), clock, name="meter", sample_s=0.003)
+
+    return make
+
+
+ERRORS = [
+    (b'0,"No error"\n', (0, "No error")),
+    (b'+0,"No error"\r\n', (0, "No error")),
+    (b'-113,"Undefined header"\n', (-113, "Undefined header")),
+    (b"-222, Data out of range\n", (-222, "Data out of range")),
+]
+
+
+@pytest.mark.parametrize(("sent", "error"), ERRORS)
+@pytest.mark.parametrize("trailing", [b"", b"1.0E-3\n"])
+def test_error_report_fed_whole(sent, error, trailing):
+    received = bytearray(sent + trailing)
+    assert parse_error("meter", take_frame(received, b"\n").decode().strip()) == error
+    assert received == trailing
+
+
+@pytest.mark.parametrize(("sent", "error"), ERRORS)
+def test_error_report_fed_byte_by_byte(sent, error):
+    received, frames = bytearray(), []
+    for byte in sent:
+        received.append(byte)
+        frames.append(take_frame(received, b"\n"))
+    assert frames[:-1] == [None] * (len(sent) - 1)
+    assert parse_error("meter", frames[-1].decode().strip()) == error
+
+
+@pytest.mark.parametrize("line", ["", "No error", "1.0E-3", "0"])
+def test_malformed_error_report_is_refused(line):
+    with pytest.raises(ReplyError, match="not an error code and its text"):
+        parse_error("meter", line)
+
+
+def test_connects_and_returns_old_errors(meter):
+    peer, meter = meter(changes={b"SYST:ERR?": [b'-113,"Undefined header"\n', NONE]})
+    assert meter.connect() == ("-113 Undefined header",)
+    assert peer.commands == [
+        *(b"*IDN?", b"SYST:ERR?", b"SYST:ERR?"),
+        *(b"SENS:POW:UNIT W", b"SENS:POW:RANG:AUTO 1", b"SYST:ERR?"),
+    ]
+
+
+def test_meter_without_a_sensor_is_a_fault(meter):
+    _, meter = meter(changes={b"SYST:ERR?": [NONE, b'-241,"Hardware missing"\n', NONE]})
+    with pytest.raises(
+        DeviceFaultError, match="meter: the meter refused watts and automatic range: -241 Hardware missing"
+    ):
+        meter.connect()
+
+
+def test_other_device_on_the_port_is_refused(meter):
+    _, meter = meter(changes={b"*IDN?": b"Stanford_Research_Systems,SR830\n" * 40})
+    with pytest.raises(ReplyError, match="identity of a Thorlabs meter"):
+        meter.connect()
+
+
+def test_silent_meter_is_a_timeout(meter):
+    _, meter = meter(reply_timeout_s=0.02, changes={b"*IDN?": b""})
+    with pytest.raises(ReplyTimeoutError, match=r"meter: no complete answer to b'\*IDN\?"):
+        meter.connect()
+
+
+def test_reading(meter, until):
+    peer, meter = meter()
+    meter.start_reading(0.03)
+    until(lambda: not meter.is_reading())
+    assert meter.power_w() == 1.234205e-3
+    assert not meter.is_reading()
+    assert peer.commands == [b"SENS:AVER 10", b"SENS:AVER?", b"MEAS:POW?"]
+
+
+def test_averaging_is_sent_only_when_it_changes(meter, until):
+    peer, meter = meter()
+    for _ in range(3):
+        meter.start_reading(0.03)
+        until(lambda: not meter.is_reading())
+    assert peer.commands == [b"SENS:AVER 10", b"SENS:AVER?", b"MEAS:POW?", b"MEAS:POW?", b"MEAS:POW?"]
+
+
+@pytest.mark.parametrize(("exposure_s", "count"), [(0.03, 10), (0.0311, 10), (0.0289, 10), (0.3, 100), (1e-9, 1)])
+def test_exposure_is_the_nearest_whole_number_of_samples(meter, exposure_s, count):
+    peer, meter = meter(changes={b"SENS:AVER?": b"%d\n" % count})
+    meter.start_reading(exposure_s)
+    assert peer.commands[0] == b"SENS:AVER %d" % count
+    np.testing.assert_allclose(meter.actual_exposure_s, count * 0.003, rtol=1e-12)
+
+
+def test_averaging_that_the_meter_does_not_hold_is_refused(meter):
+    peer, meter = meter()
+    with pytest.raises(ReplyError, match="'10', which is not the averaging count 100 just set"):
+        meter.start_reading(0.3)
+    assert b"MEAS:POW?" not in peer.commands
+
+
+@pytest.mark.usefixtures("no_real_grace")
+def test_reading_has_twice_its_exposure_and_two_seconds(meter, clock, until):
+    peer, meter = meter(changes={b"MEAS:POW?": b""})
+    meter.start_reading(0.03)
+    until(lambda: b"MEAS:POW?" in peer.commands)
+    clock.time_s = 2.06 - 1e-6
+    assert meter.is_reading()
+    clock.time_s = 2.06 + 1e-6
+    with pytest.raises(ReplyTimeoutError, match=r"meter: no reading .* exposure of 0\.03 s"):
+        meter.is_reading()
+
+
+@pytest.mark.usefixtures("no_real_grace")
+def test_late_reading_is_not_taken_for_the_next_one(meter, clock, until):
+    late = b"9.000000E-01\n" + ANSWERS[b"*IDN?"]
+    _, meter = meter(changes={b"MEAS:POW?": [b"", b"1.000000E-06\n"], b"*IDN?": late})
+    meter.start_reading(0.03)
+    clock.time_s = 10
+    with pytest.raises(ReplyTimeoutError, match="no reading"):
+        meter.is_reading()
+    meter.start_reading(0.03)
+    until(lambda: not meter.is_reading())
+    assert meter.power_w() == 1e-6
+
+
+def test_no_reading_is_not_a_power(meter):
+    _, meter = meter()
+    with pytest.raises(ReplyError, match="meter: there is no finished reading"):
+        meter.power_w()
+    meter.start_reading(0.03)
+    with pytest.raises(ReplyError, match="meter: there is no finished reading"):
+        meter.power_w()
+
+
+@pytest.mark.parametrize("answer", [b"9.9E+37\n", b"9.900000E+37\n", b"-9.9E+37\n"])
+def test_over_range_is_a_saturated_detector(meter, until, answer):
+    _, meter = meter(changes={b"MEAS:POW?": answer})
+    meter.start_reading(0.03)
+    until(lambda: not meter.is_reading())
+    with pytest.raises(DeviceFaultError, match="meter: the detector was saturated"):
+        meter.power_w()
+
+
+@pytest.mark.parametrize("answer", [b"nan\n", b"INF\n", b"\n", b"1.0E-3,2.0E-3\n", b"THORLABS\n", b"\xff\n"])
+def test_garbage_reading_is_refused(meter, until, answer):
+    _, meter = meter(changes={b"MEAS:POW?": answer})
+    meter.start_reading(0.03)
+    until(lambda: not meter.is_reading())
+    with pytest.raises(ReplyError, match=r"meter: the answer to 'MEAS:POW\?'"):
+        meter.power_w()
+
+
+def test_wavelength_is_set_and_read_back(meter):
+    peer, meter = meter()
+    meter.set_wavelength_nm(550)
+    assert peer.commands == [b"SENS:CORR:WAV? MIN", b"SENS:CORR:WAV? MAX", b"SENS:CORR:WAV 550", b"SENS:CORR:WAV?"]
+
+
+@pytest.mark.parametrize("wavelength_nm", [399.0, 1101.0, float("nan")])
+def test_wavelength_outside_the_calibration_is_refused(meter, wavelength_nm):
+    peer, meter = meter()
+    with pytest.raises(LimitError, match="calibrated from 400 to 1100 nm"):
+        meter.set_wavelength_nm(wavelength_nm)
+    assert not [command for command in peer.commands if command.startswith(b"SENS:CORR:WAV ")]
+
+
+def test_wavelength_that_the_meter_does_not_hold_is_refused(meter):
+    _, meter = meter()
+    with pytest.raises(ReplyError, match="'550', which is not the 633 nm just set"):
+        meter.set_wavelength_nm(633)

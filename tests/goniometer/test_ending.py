@@ -1,0 +1,154 @@
+"""However a scan ends, the bench is stopped and every reading that was shown can be looked at."""
+
+import json
+import random
+import signal
+import subprocess
+import sys
+import time
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+
+from acquisition.journal import FILE_NAME, Journal
+from goniometer.assembly import connected
+from goniometer.bench import served_ports, simulate
+from goniometer.load_files import load_scene
+
+ROOT = Path(__file__).resolve().parents[2]
+RECIPE = ROOT / "recipes" / "iron_60deg.yaml"
+COMMAND = [sys.executable, "-m", "goniometer"]
+posix_only = pytest.mark.skipif(sys.platform == "win32", reason="signals of this kind exist on POSIX only")
+
+
+def goniometer(*arguments, **options):
+    return subprocess.Popen(
+        [*COMMAND, *map(str, arguments)], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=ROOT, **options
+    )
+
+
+@contextmanager
+def ended_afterwards(process):
+    try:
+        yield process
+    finally:
+        process.kill()
+        process.wait()
+        process.stdout.close()
+        process.stderr.close()
+
+
+def shown_readings(lines):
+    return [event for event in map(json.loads, lines) if event["event"] == "ReadingStored"]
+
+
+def run_until(out, readings, *options):
+    """Start a scan and return it, with what it has shown, once it has shown a number of readings."""
+    process = goniometer("run", RECIPE, "--json", "--out", out, *options)
+    lines = []
+    for line in process.stdout:
+        lines.append(line)
+        if len(shown_readings([line])) and len(shown_readings(lines)) >= readings:
+            break
+    return process, lines
+
+
+def stored_readings(out):
+    (folder,) = out.iterdir()
+    with Journal.open(folder / FILE_NAME) as journal:
+        return folder, journal.readings()
+
+
+@posix_only
+@pytest.mark.parametrize(("name", "code"), [("SIGINT", 130), ("SIGTERM", 143), ("SIGHUP", 129)])
+def test_a_signal_ends_the_scan_with_its_code_and_the_readings_stored(tmp_path, name, code):
+    process, lines = run_until(tmp_path, 20, "--speed", "20")
+    with ended_afterwards(process):
+        process.send_signal(getattr(signal, name))
+        rest, errors = process.communicate(timeout=20)
+    assert process.returncode == code
+    lines += rest.splitlines()
+    assert json.loads(lines[-1])["event"] == "ScanEnded"
+    folder, readings = stored_readings(tmp_path)
+    assert len(readings) == len(shown_readings(lines)) >= 20
+    assert "The bench has been stopped" in errors
+    assert f"goniometer fit {folder}" in errors
+
+
+@posix_only
+@pytest.mark.parametrize("name", ["SIGINT", "SIGTERM", "SIGHUP"])
+def test_a_signal_during_a_long_move_stops_the_axes(tmp_path, name):
+    """The bench outlives the scan here, so that its axes can be asked afterwards."""
+    scene = load_scene(ROOT / "scenes" / "iron.yaml")
+    with simulate(scene.scene, 1.0) as bench:
+        rig = tmp_path / "rig.yaml"
+        text = (ROOT / "rigs" / "simulated.yaml").read_text()
+        for address in bench.addresses.values():
+            text = text.replace("port: simulated", f"port: {address.tcp}", 1)
+        rig.write_text(text)
+        process = goniometer("run", RECIPE, "--json", "--rig", rig, "--out", tmp_path / "runs")
+        with ended_afterwards(process), connected(scene.rig, served_ports(scene.rig, bench), bench.clock, 550.0) as devices:
+            while not 5.0 < devices.source_arm.position_deg() < 40.0:
+                bench.clock.sleep(0.02)
+            process.send_signal(getattr(signal, name))
+            process.wait(timeout=20)
+            first_deg = devices.source_arm.position_deg()
+            bench.clock.sleep(0.2)
+            assert devices.source_arm.position_deg() == first_deg < 60.0
+            assert not devices.source_arm.is_moving()
+
+
+@posix_only
+@pytest.mark.parametrize("seed", range(4))
+def test_kill_9_leaves_a_journal_that_fit_reads(tmp_path, seed):
+    kill_at_any_moment(tmp_path, seed)
+
+
+@posix_only
+@pytest.mark.long
+@pytest.mark.parametrize("seed", range(4, 104))
+def test_kill_9_at_a_hundred_moments(tmp_path, seed):
+    kill_at_any_moment(tmp_path, seed)
+
+
+def kill_at_any_moment(tmp_path, seed):
+    rng = random.Random(seed)
+    process, lines = run_until(tmp_path, rng.randrange(60, 800), "--speed", "max")
+    with ended_afterwards(process):
+        deadline = time.monotonic() + rng.uniform(0.0, 0.01)
+        while time.monotonic() < deadline:
+            pass
+        process.send_signal(signal.SIGKILL)
+        rest, _ = process.communicate(timeout=20)
+    shown = shown_readings([*lines, *(line for line in rest.splitlines() if line.endswith("}"))])
+    folder, readings = stored_readings(tmp_path)
+    assert len(shown) <= len(readings) <= len(shown) + 1
+    for event, reading in zip(shown, readings, strict=False):
+        assert event["reading"]["power_w"] == reading.power_w
+    with ended_afterwards(goniometer("fit", folder)) as fitting:
+        out, errors = fitting.communicate(timeout=60)
+    assert fitting.returncode == 0, errors
+    assert "sigma" in out
+    assert (folder / "report.png").stat().st_size > 10_000
+
+
+def test_a_bench_served_by_another_process_gives_the_same_result(tmp_path):
+    with ended_afterwards(goniometer("simulate", ROOT / "scenes" / "iron.yaml", "--speed", "max")) as serving:
+        rig = tmp_path / "rig.yaml"
+        text = ""
+        while "acceptance_sr" not in text:
+            text += serving.stdout.readline()
+        rig.write_text(text)
+        short = tmp_path / "short.yaml"
+        recipe = RECIPE.read_text().replace("../", f"{ROOT.as_posix()}/").replace("step_deg: 1", "step_deg: 10")
+        short.write_text(recipe)
+        for folder, options in (("there", ["--rig", rig]), ("here", ["--speed", "max"])):
+            with ended_afterwards(goniometer("run", short, "--quiet", "--out", tmp_path / folder, *options)) as scan:
+                _, errors = scan.communicate(timeout=60)
+                assert scan.returncode == 0, errors
+    _, there = stored_readings(tmp_path / "there")
+    _, here = stored_readings(tmp_path / "here")
+    assert there == here
+    fits = [json.loads((next((tmp_path / name).iterdir()) / "fit.json").read_text()) for name in ("there", "here")]
+    assert fits[0] == fits[1]

@@ -1,0 +1,121 @@
+"""Whole scans on the simulated bench: every byte over a socket, every reading through the journal."""
+
+import json
+from pathlib import Path
+
+import pytest
+import yaml
+from numpy.testing import assert_allclose
+
+import goniometer
+from acquisition.events import FitUpdated, PointReduced, ReadingStored, ScanEnded, ScanStarted
+from acquisition.journal import FILE_NAME, Journal
+
+ROOT = Path(__file__).resolve().parents[2]
+SAMPLES = ("iron", "alumina", "glass", "pvc")
+
+
+def write_variant(tmp_path, recipe="iron_60deg", scene="iron", *, recipe_changes=None, scene_changes=None):
+    """A copy of a shipped recipe and scene with changes, beside a copy of the shipped rig."""
+    for folder in ("recipes", "rigs", "scenes"):
+        (tmp_path / folder).mkdir(exist_ok=True)
+    (tmp_path / "rigs" / "simulated.yaml").write_text((ROOT / "rigs" / "simulated.yaml").read_text())
+    for folder, name, changes in (("recipes", recipe, recipe_changes), ("scenes", scene, scene_changes)):
+        content = yaml.safe_load((ROOT / folder / f"{name}.yaml").read_text()) | (changes or {})
+        (tmp_path / folder / f"{name}.yaml").write_text(yaml.safe_dump(content))
+    return tmp_path / "recipes" / f"{recipe}.yaml"
+
+
+SHORT = {"exit": {"start_deg": 0.0, "stop_deg": 60.0, "step_deg": 6.0}, "readings": 2}
+
+
+@pytest.mark.parametrize("sample", SAMPLES)
+def test_without_noise_the_fit_returns_the_scene(tmp_path, sample):
+    recipe = write_variant(tmp_path, f"{sample}_60deg", sample, scene_changes={"effects": []})
+    stored = goniometer.run(recipe, out=tmp_path / "runs", speed="max")
+    assert stored.fit is not None
+    for name, true_value in stored.truth.items():
+        assert_allclose(stored.fit.parameters[name].value, true_value, rtol=1e-6, err_msg=name)
+
+
+@pytest.mark.parametrize("sample", SAMPLES)
+def test_with_noise_index_and_roughness_lie_within_three_standard_errors(tmp_path, sample):
+    stored = goniometer.run(ROOT / "recipes" / f"{sample}_60deg.yaml", out=tmp_path, speed="max")
+    assert stored.fit is not None
+    checked = 0
+    for name in ("sigma", "n", "k"):
+        estimate = stored.fit.parameters[name]
+        if estimate.stderr is not None:
+            assert abs(estimate.value - stored.truth[name]) < 3 * estimate.stderr, name
+            checked += 1
+    assert checked == (3 if sample == "iron" else 2)
+    assert 0.5 < stored.fit.chi_square / stored.fit.degrees_of_freedom < 1.5
+
+
+def test_events_tell_the_whole_scan_in_order(tmp_path):
+    events = []
+    stored = goniometer.run(
+        write_variant(tmp_path, recipe_changes=SHORT), out=tmp_path / "runs", speed="max", subscribers=[events.append]
+    )
+    assert isinstance(events[0], ScanStarted)
+    assert isinstance(events[-1], ScanEnded)
+    assert events[-1].reason == "finished"
+    readings = [event.reading for event in events if isinstance(event, ReadingStored)]
+    assert len(readings) == events[0].readings == events[-1].readings == 11 * 5 * 2
+    assert tuple(readings) == stored.readings
+    assert [event.stokes_point.point for event in events if isinstance(event, PointReduced)] == list(range(11))
+    assert any(isinstance(event, FitUpdated) for event in events)
+
+
+def test_a_scan_lasts_as_long_as_was_planned(tmp_path):
+    events = []
+    recipe = write_variant(tmp_path, recipe_changes=SHORT)
+    goniometer.run(recipe, out=tmp_path / "runs", speed="max", subscribers=[events.append])
+    assert_allclose(events[-1].bench_duration_s, events[0].expected_duration_s, rtol=0.05)
+
+
+def test_same_seed_same_readings_and_time_stamps(tmp_path):
+    recipe = write_variant(tmp_path, recipe_changes=SHORT)
+    first, second = (goniometer.run(recipe, out=tmp_path / "runs", speed="max") for _ in range(2))
+    assert first.readings == second.readings
+    assert first.folder != second.folder
+    other_seed = write_variant(tmp_path, recipe_changes=SHORT, scene_changes={"seed": 99})
+    assert goniometer.run(other_seed, out=tmp_path / "runs", speed="max").readings != first.readings
+
+
+def test_a_shown_reading_is_on_disk(tmp_path):
+    def look(event):
+        if isinstance(event, ReadingStored):
+            (folder,) = (tmp_path / "runs").iterdir()
+            with Journal.open(folder / FILE_NAME) as journal:
+                assert journal.readings()[-1] == event.reading
+
+    goniometer.run(
+        write_variant(tmp_path, recipe_changes={**SHORT, "readings": 1}), out=tmp_path / "runs", speed="max", subscribers=[look]
+    )
+
+
+def test_the_files_of_a_run_are_there_and_say_the_same(tmp_path):
+    stored = goniometer.run(write_variant(tmp_path, recipe_changes=SHORT), out=tmp_path / "runs", speed="max")
+    written = json.loads((stored.folder / "fit.json").read_text())
+    for name, estimate in stored.fit.parameters.items():
+        assert written["parameters"][name]["value"] == estimate.value
+        assert written["parameters"][name]["truth"] == stored.truth[name]
+    assert written["degrees_of_freedom"] == 11 * 3 - 6
+    assert {path.name for path in stored.folder.iterdir()} == {
+        "journal.sqlite", "stokes.csv", "scan.nxs", "fit.json", "report.png",
+    }
+    again = goniometer.load(stored.folder)
+    assert again.fit.to_dict() == stored.fit.to_dict()
+    assert again.about["seed"] == "1"
+    assert yaml.safe_load(again.about["scene"])["sample"]["material"] == "Fe"
+
+
+def test_a_reference_is_read_and_does_not_disturb(tmp_path):
+    recipe = write_variant(
+        tmp_path, recipe_changes={**SHORT, "reference": {"exit_deg": 45.0, "every_points": 4}}, scene_changes={"effects": []}
+    )
+    stored = goniometer.run(recipe, out=tmp_path / "runs", speed="max")
+    assert sum(reading.kind == "reference" for reading in stored.readings) == 3 * 2
+    for name, true_value in stored.truth.items():
+        assert_allclose(stored.fit.parameters[name].value, true_value, rtol=1e-5)
