@@ -11,7 +11,7 @@ endif
 .PHONY: demo test long interop bench lint format clean
 
 demo: .venv/installed
-	$(BIN)/goniometer run recipes/iron_60deg.yaml --speed 40
+	$(BIN)/goniometer run recipes/iron_60deg.yaml --speed 15
 
 test: .venv/installed .venv-interop/installed
 	$(BIN)/python -m pytest -m "not long"
@@ -21,6 +21,9 @@ long: .venv/installed
 
 interop: .venv/installed .venv-interop/installed
 	$(BIN)/python -m pytest -m interop
+
+bench: .venv/installed .venv-bench/installed
+	$(BIN)/python benchmarks/scan.py
 
 lint: .venv/installed
 	$(BIN)/ruff check .
@@ -37,10 +40,15 @@ format: .venv/installed
 	$(BIN)/python -m pip install --quiet --editable '.[dev]'
 	touch $@
 
+.venv-bench/installed: benchmarks/requirements.txt
+	$(PYTHON) -m venv .venv-bench
+	$(subst .venv,.venv-bench,$(BIN))/python -m pip install --quiet --requirement $<
+	touch $@
+
 .venv-interop/installed: tests/interop/requirements.txt
 	$(PYTHON) -m venv .venv-interop
 	$(subst .venv,.venv-interop,$(BIN))/python -m pip install --quiet --requirement $<
 	touch $@
 
 clean:
-	rm -rf .venv .venv-interop build *.egg-info
+	rm -rf .venv .venv-interop .venv-bench build *.egg-info

@@ -11,12 +11,15 @@ from acquisition.expand import Step
 from acquisition.journal import Journal
 from acquisition.protocols import Analyzer, Detector, RotaryAxis
 from acquisition.readings import Reading
-from acquisition.timing import POLL_S
-from drivers.clock import Clock
-from goniometer.errors import DeviceError, PositionError
+from acquisition.timing import POLL_S, READING_POLL_S
+from drivers.clock import Clock, Deadline
+from goniometer.errors import DeviceError, PositionError, ReplyTimeoutError
 
 _SLICE_S = 0.1
 """Longest time between two checks for an interruption."""
+
+_REST_S = 10.0
+"""Longest time an axis may take to come to rest after it was told to stop."""
 
 
 @dataclass(frozen=True)
@@ -29,19 +32,38 @@ class Bench:
     analyzer: Analyzer
     detector: Detector
 
-    def stop(self) -> list[DeviceError]:
-        """Stop everything that can move, whatever fails on the way; returns what could not be stopped."""
+    def stop(self, clock: Clock) -> list[DeviceError]:
+        """Stop everything that can move and see it come to rest, whatever fails on the way; returns what failed."""
         failures = []
-        for device in (self.source_arm, self.detector_arm, self.sample_azimuth, self.analyzer):
+        axes = (self.source_arm, self.detector_arm, self.sample_azimuth)
+        for device in (*axes, self.analyzer):
             try:
                 device.stop()
+            except DeviceError as error:
+                failures.append(error)
+        for axis in axes:
+            try:
+                _see_at_rest(axis, clock)
             except DeviceError as error:
                 failures.append(error)
         return failures
 
 
+def _see_at_rest(axis: RotaryAxis, clock: Clock) -> None:
+    deadline = Deadline(clock, _REST_S)
+    while axis.is_moving():
+        if deadline.has_passed():
+            raise ReplyTimeoutError(
+                axis.name,
+                f"still moves {_REST_S:g} s after it was told to stop",
+                not_done="the axis may be anywhere",
+                to_do="cut its power now",
+            )
+        clock.sleep(POLL_S)
+
+
 @contextmanager
-def stopped_afterwards(bench: Bench) -> Iterator[None]:
+def stopped_afterwards(bench: Bench, clock: Clock) -> Iterator[None]:
     """Stop the bench on every way out of the block.
 
     Raises
@@ -52,10 +74,10 @@ def stopped_afterwards(bench: Bench) -> Iterator[None]:
     try:
         yield
     except BaseException as error:
-        if failures := bench.stop():
+        if failures := bench.stop(clock):
             raise BaseExceptionGroup("The scan failed and not every device could be stopped", [error, *failures]) from None
         raise
-    if failures := bench.stop():
+    if failures := bench.stop(clock):
         raise ExceptionGroup("Not every device could be stopped", failures)
 
 
@@ -172,9 +194,9 @@ class Engine:
         detector = self._bench.detector
         time_s = self._clock.now()
         detector.start_reading(step.exposure_s)
-        self._wait(step.exposure_s)
+        self._wait(READING_POLL_S)
         while detector.is_reading():
-            self._wait(POLL_S)
+            self._wait(READING_POLL_S)
         incidence_deg, exit_deg, azimuth_deg = positions_deg
         reading = Reading(
             point=step.point,
@@ -194,11 +216,13 @@ class Engine:
         self._publish(ReadingStored(reading))
 
     def _wait(self, duration_s: float) -> None:
-        """Let time pass in slices, so that an interruption is noticed soon."""
-        end_s = self._clock.now() + duration_s
-        while True:
+        """Let time pass in slices, so that an interruption is noticed soon.
+
+        What is left is counted down, not read off the clock: in virtual time another party may move the clock between
+        two looks at it, and time stamps would depend on who came first.
+        """
+        while duration_s > 0.0:
             self._check()
-            left_s = end_s - self._clock.now()
-            if left_s <= 0.0:
-                return
-            self._clock.sleep(min(left_s, _SLICE_S))
+            slice_s = min(duration_s, _SLICE_S)
+            self._clock.sleep(slice_s)
+            duration_s -= slice_s

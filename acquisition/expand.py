@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from acquisition.readings import ReadingKind
 from acquisition.recipe import Recipe
-from acquisition.timing import EXCHANGE_S, POLL_S, BenchTiming
+from acquisition.timing import EXCHANGE_S, POLL_S, READING_POLL_S, BenchTiming
 
 
 @dataclass(frozen=True)
@@ -70,9 +70,7 @@ def expand(recipe: Recipe, slots: Slots, timing: BenchTiming) -> tuple[Step, ...
     steps: list[Step] = []
     here = HOME
     for point, kind, target, analyzer_deg in _places(recipe, slots, timing):
-        duration_s = _moving_s(here, target, timing) + recipe.readings * (
-            recipe.exposure_s + POLL_S / 2 + EXCHANGE_S
-        )
+        duration_s = _moving_s(here, target, timing) + recipe.readings * (recipe.exposure_s + READING_POLL_S)
         steps.append(Step(point, kind, target, analyzer_deg, recipe.readings, recipe.exposure_s, duration_s))
         here = target
     return tuple(steps)

@@ -29,5 +29,5 @@ def surface_family(choice: FitChoice) -> SurfaceFamily:
     return SurfaceFamily(
         lobes=tuple(choice.lobes),
         free={name: (low, high) for name, (low, high) in choice.free.items()},
-        fixed=dict(choice.fixed),
+        fixed={name: value for name, value in choice.fixed.items()},  # noqa: C416 (widens the keys to str)
     )

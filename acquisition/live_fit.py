@@ -12,6 +12,7 @@ from acquisition.fit_points import stokes_data
 from acquisition.readings import StokesPoint
 from goniometer.errors import FitError
 from model.fit import FitResult, SurfaceFamily, fit
+from model.search import Search
 
 _POOR_FIT = 3.0
 """Chi-square per degree of freedom above which a warm start is not trusted and the search begins anew."""
@@ -28,7 +29,7 @@ class LiveFit:
         The search used when there is no last optimum, or it fits poorly.
     """
 
-    def __init__(self, family: SurfaceFamily, search: str) -> None:
+    def __init__(self, family: SurfaceFamily, search: Search) -> None:
         self._family, self._search = family, search
         self._condition = threading.Condition()
         self._submitted: Sequence[StokesPoint] | None = None
@@ -56,7 +57,7 @@ class LiveFit:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         with self._condition:
-            self._ended = True
+            self._ended, self._news = True, None
             self._condition.notify()
         self._thread.join()
 
@@ -77,7 +78,7 @@ class LiveFit:
             except Exception as error:  # noqa: BLE001 (a fault of the fit must not cost the scan its readings)
                 news = FitRefused(len(points), f"the live fit has stopped: {type(error).__name__}: {error}")
             with self._condition:
-                self._news = news
+                self._news = None if self._ended else news
 
     def _fit(self, points: Sequence[StokesPoint], last: FitResult | None) -> FitResult:
         data = stokes_data(points)

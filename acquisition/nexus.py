@@ -27,6 +27,11 @@ if TYPE_CHECKING:
 
 _DIMENSIONLESS = ""
 """The units attribute of a ratio or a count, as the NeXus manual writes it (unit category NX_DIMENSIONLESS)."""
+_STOKES_NAMES = (
+    "S0 per unit irradiance",
+    "S1 per unit irradiance: s-polarized less p-polarized light",
+    "S2 per unit irradiance: polarized at +45 degrees from the s-direction less -45 degrees",
+)
 
 
 def write_nexus(
@@ -127,10 +132,9 @@ def _write_points(entry: h5py.Group, points: Sequence[StokesPoint]) -> None:
     stderr = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))
     group = _plot(entry, "stokes", "S0", ["S1", "S2"], points)
     for index in range(3):
-        _field(group, f"S{index}", stokes[:, index], "1/sr", f"S{index} per unit irradiance")
+        _field(group, f"S{index}", stokes[:, index], "1/sr", _STOKES_NAMES[index])
         _field(group, f"S{index}_errors", stderr[:, index], "1/sr")
     _field(group, "covariance", covariance, "1/sr^2", "covariance matrix of (S0, S1, S2)")
-    group["description"] = "S1 > 0 is s-polarized light, S2 > 0 is polarized at +45 degrees from the s-direction"
 
     group = _plot(entry, "dolp", "DoLP", ["DoLP_debiased"], points)
     dolp_stderr = [point.dolp_stderr for point in points]
@@ -164,8 +168,7 @@ def _write_fit(entry: h5py.Group, fit: FitResult) -> None:
     process = _group(entry, "fit", "NXprocess")
     process["program"] = "goniometer"
     process["version"] = importlib.metadata.version("goniometer")
-    note = _group(process, "model", "NXnote")
-    note["type"], note["data"] = "text/plain", fit.description
+    _write_note(process, "model", "what the fitted surface consists of", fit.description)
     _field(process, "chi_square", fit.chi_square, _DIMENSIONLESS)
     _field(process, "degrees_of_freedom", fit.degrees_of_freedom, _DIMENSIONLESS)
     parameters = _group(process, "parameters", "NXparameters")
@@ -187,8 +190,13 @@ def _write_provenance(entry: h5py.Group, provenance: Mapping[str, str]) -> None:
     process["program"] = "goniometer"
     process["version"] = importlib.metadata.version("goniometer")
     for key, text in provenance.items():
-        note = _group(process, re.sub(r"\W", "_", key), "NXnote")
-        note["description"], note["type"], note["data"] = key, "text/plain", text
+        _write_note(process, re.sub(r"\W", "_", key), key, text)
+
+
+def _write_note(parent: h5py.Group, name: str, description: str, text: str) -> None:
+    note = _group(parent, name, "NXnote")
+    note["description"], note["type"] = description, "text/plain"
+    note["data"] = np.bytes_(text.encode())  # NXnote asks for bytes; viewers show them as text
 
 
 def _group(parent: h5py.Group, name: str, nexus_class: str) -> h5py.Group:

@@ -46,11 +46,11 @@ class Pipeline:
 
     def publish(self, event: Event) -> None:
         """Tell the subscribers, then do what follows from the event."""
+        if self._live_fit is not None and (news := self._live_fit.news()) is not None:
+            self._tell(news)
         self._tell(event)
         if isinstance(event, ReadingStored):
             self._collect(event.reading)
-        if self._live_fit is not None and (news := self._live_fit.news()) is not None:
-            self._tell(news)
 
     def _tell(self, event: Event) -> None:
         for subscriber in self._subscribers:

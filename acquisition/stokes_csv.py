@@ -95,6 +95,8 @@ def _row(point: StokesPoint) -> list[str]:
 
 def _point(path: Path, line: int, header: list[str], row: list[str]) -> StokesPoint:
     try:
+        if len(row) != len(header):
+            raise ValueError(f"it has {len(row)} values for {len(header)} columns")
         cell = dict(zip(header, row, strict=True))
         number = {column: float(cell[column]) for column in COLUMNS[1:]}
         index = int(cell["point"])

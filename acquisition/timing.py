@@ -8,6 +8,9 @@ from dataclasses import dataclass
 POLL_S = 0.02
 """How often a moving device is asked whether it has arrived."""
 
+READING_POLL_S = 0.005
+"""How often it is looked whether a reading has come; costs no exchange with the device."""
+
 EXCHANGE_S = 0.01
 """A question and its answer on a serial line: 20 characters at 19200 baud, or a controller's own latency."""
 

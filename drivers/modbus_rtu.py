@@ -27,18 +27,22 @@ class ModbusRtu:
     Parameters
     ----------
     port : str
-        ``socket://host:port``, or a serial port, which is opened with even parity.
+        ``socket://host:port`` or a serial port.
     device : str
         Name of the device, for messages.
     unit : int
         Unit number on the bus.
     baudrate : int
         Bits per second; without effect on a socket.
+    parity : str
+        ``"E"`` even, ``"O"`` odd or ``"N"`` none; without effect on a socket.
     reply_timeout_s : float
         Longest wait for one answer, in real seconds.
     """
 
-    def __init__(self, port: str, *, device: str, unit: int, baudrate: int, reply_timeout_s: float) -> None:
+    def __init__(
+        self, port: str, *, device: str, unit: int, baudrate: int, parity: str, reply_timeout_s: float
+    ) -> None:
         self._port, self._device, self._unit = port, device, unit
         self._unanswered = False
         self._client: ModbusTcpClient | ModbusSerialClient
@@ -55,7 +59,7 @@ class ModbusRtu:
             )
         else:
             self._client = ModbusSerialClient(
-                port, framer=FramerType.RTU, baudrate=baudrate, parity="E", timeout=reply_timeout_s, retries=0
+                port, framer=FramerType.RTU, baudrate=baudrate, parity=parity, timeout=reply_timeout_s, retries=0
             )
 
     def open(self) -> None:

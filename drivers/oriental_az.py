@@ -72,6 +72,10 @@ class OrientalAz:
         Of every motion; the deceleration is the acceleration.
     settle_s, tolerance_deg : float
         Time to come to rest, and how far from its target the axis may stop.
+    baudrate, parity : int, str
+        As set in the drive; without effect on a socket.
+    reply_timeout_s : float
+        Longest wait for one answer, in real seconds.
     """
 
     def __init__(
@@ -88,13 +92,16 @@ class OrientalAz:
         settle_s: float,
         tolerance_deg: float,
         baudrate: int = 115200,
+        parity: str = "E",
         reply_timeout_s: float = 1.0,
     ) -> None:
         self.name, self.settle_s, self.tolerance_deg = name, settle_s, tolerance_deg
         self.limits_deg, self.velocity_deg_s, self.acceleration_deg_s2 = limits_deg, velocity_deg_s, acceleration_deg_s2
         self._clock = clock
         self._steps_per_deg = steps_per_deg
-        self._modbus = ModbusRtu(port, device=name, unit=unit, baudrate=baudrate, reply_timeout_s=reply_timeout_s)
+        self._modbus = ModbusRtu(
+            port, device=name, unit=unit, baudrate=baudrate, parity=parity, reply_timeout_s=reply_timeout_s
+        )
         self._target_deg = 0.0
         self._deadline: Deadline | None = None
 

@@ -167,6 +167,7 @@ class ThorlabsFw102c:
         self._link.discard_input()
         self._link.write(b"\r*idn?\r")
         deadline = Deadline(self._clock, self._longest_motion_s)
+        self._clock.sleep(_POLL_S)  # in virtual time the answer is there now, whichever thread ran first
         while (frame := self._link.poll_until(_PROMPT)) is None or b"THORLABS" not in frame.upper():
             if deadline.has_passed():
                 raise self._not_arrived("nothing was sent but the question who it is")

@@ -22,9 +22,9 @@ _PARTS = ("model", "drivers", "acquisition", "sim_devices")
 _PUBLIC = {
     "Surface": ("model.surface", "Surface"),
     "fit": ("model.fit", "fit"),
-    "run": ("goniometer.run", "run"),
+    "run": ("goniometer.run_recipe", "run"),
     "simulate": ("goniometer.bench", "simulate"),
-    "load": ("goniometer.load", "load"),
+    "load": ("goniometer.run_folder", "load"),
 }
 __all__ = ["Surface", "__version__", "fit", "load", "run", "simulate"]
 

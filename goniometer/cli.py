@@ -10,24 +10,27 @@ from __future__ import annotations
 import json
 import sys
 from pathlib import Path
+from typing import Literal
 
 import click
 
 from goniometer import __version__
 from goniometer.errors import ConfigurationError, GoniometerError, ScanInterrupted
 
+Speed = float | Literal["max"]
+
 _FILE = click.Path(path_type=Path)
 
 
-class SpeedType(click.ParamType[float | str]):
+class SpeedType(click.ParamType):
     """A positive number, or ``max``."""
 
     name = "N|max"
 
-    def convert(self, value: str, param: click.Parameter | None, ctx: click.Context | None) -> float | str:
+    def convert(self, value: str, param: click.Parameter | None, ctx: click.Context | None) -> Speed:
         """Turn the command line's text into a speed."""
         if value == "max":
-            return value
+            return "max"
         try:
             speed = float(value)
         except ValueError:
@@ -61,14 +64,14 @@ def check(recipe: Path, rig: Path | None) -> None:
 @click.option("--speed", type=SpeedType(), help="Time scale of the simulated bench, 0.1 to 1000; max: virtual time.")
 @click.option("--quiet", is_flag=True, help="Show nothing but errors.")
 @click.option("--json", "as_json", is_flag=True, help="One event a line, as JSON.")
-def run(recipe: Path, rig: Path | None, out: Path, speed: float | str | None, quiet: bool, as_json: bool) -> None:
+def run(recipe: Path, rig: Path | None, out: Path, speed: Speed | None, quiet: bool, as_json: bool) -> None:
     """Run a recipe: scan, reduce, fit, and write the results into a folder of their own."""
-    from goniometer.console import console_for
-    from goniometer.run import run as run_recipe
+    from goniometer.console import Mode, console_for
+    from goniometer.run_recipe import run as run_recipe
 
     if quiet and as_json:
         raise click.UsageError("--quiet and --json exclude each other: choose one.")
-    mode = "quiet" if quiet else "json" if as_json else "auto"
+    mode: Mode = "quiet" if quiet else "json" if as_json else "auto"
     with console_for(mode, sys.stdout) as console:
         stored = run_recipe(recipe, rig_path=rig, out=out, speed=speed, subscribers=[console])
     if mode == "auto":
@@ -80,7 +83,7 @@ def run(recipe: Path, rig: Path | None, out: Path, speed: float | str | None, qu
 @cli.command()
 @click.argument("scene", type=_FILE)
 @click.option("--speed", type=SpeedType(), default="1", show_default=True, help="Seconds of the bench in a real second.")
-def simulate(scene: Path, speed: float | str) -> None:
+def simulate(scene: Path, speed: Speed) -> None:
     """Serve a scene as a simulated bench, print a rig file with its addresses, and run until Ctrl-C."""
     from goniometer.serve import serve
 
@@ -106,7 +109,7 @@ def fit(run_folder: Path) -> None:
 @click.argument("kind", type=click.Choice(["recipe", "rig", "scene"]))
 def schema(kind: str) -> None:
     """Print the JSON Schema of a file, so that an editor completes and checks it."""
-    from goniometer.load_files import schema as schema_of
+    from goniometer.schema import schema as schema_of
 
     click.echo(json.dumps(schema_of(kind), indent=2))
 

@@ -114,7 +114,7 @@ def _device_faults(name: str, device: Device, file: YamlFile, rig: Rig, rig_path
                 if not math.isclose(device.step_deg * axis.steps_per_deg, 1.0, rel_tol=1e-6):
                     yield file.fault(
                         ("devices", name, "step_deg"),
-                        f"got {device.step_deg:g}; allowed: {1.0 / axis.steps_per_deg:g}, by steps_per_deg in {rig_path}",
+                        f"got {device.step_deg:g}; allowed: {1 / axis.steps_per_deg:g}, by steps_per_deg in {rig_path}",
                     )
         case ThorlabsFw102cEntry() as entry, ThorlabsFw102cDevice():
             if len(device.slots) != len(entry.slots):

@@ -53,14 +53,16 @@ def model_faults(error: ValidationError, file: YamlFile, kind: Kind) -> Iterator
     """
     root = schema(kind)
     refusals = [_locate(details, file, root) for details in error.errors(include_url=False)]
-    meant = {_meant_place(refusal) for refusal in refusals if refusal.error["type"] == "extra_forbidden"}
-    said: set[KeyPath] = {*file.unread, *meant}
+    meant = {_meant_place(refusal) for refusal in refusals if _is_about_a_key(refusal.error)}
+    said = set(file.unread)
     # The deepest first: a list with a bad item is also, to pydantic, a list that is too short.
     for refusal in sorted(refusals, key=lambda refusal: -len(refusal.place)):
-        if any(place[: len(refusal.place)] == refusal.place for place in said) and refusal.place:
-            continue
-        said.add(refusal.place)
-        yield from _words(refusal, file, root)
+        depth = len(refusal.place)
+        is_said = depth > 0 and any(place[:depth] == refusal.place for place in said)
+        is_written_otherwise = refusal.error["type"] == "missing" and refusal.place in meant
+        if not is_said and not is_written_otherwise:
+            said.add(refusal.place)
+            yield from _words(refusal, file, root)
 
 
 def _locate(error: ErrorDetails, file: YamlFile, root: Node) -> _Refusal:
@@ -91,15 +93,19 @@ def _words(refusal: _Refusal, file: YamlFile, root: Node) -> Iterator[Fault]:
     if error["type"] == "faults":
         for below, what in context["faults"]:
             yield file.fault((*place, *below), what)
-    elif error["type"] == "extra_forbidden" or error["loc"][-1:] == ("[key]",):
+    elif _is_about_a_key(error):
         yield file.fault(place, _unknown_key(str(place[-1]), refusal.parent))
-    elif error["type"] == "missing" and refusal.value is None:
+    elif error["type"] in ("missing", "union_tag_not_found") and refusal.value is None:
         meaning = refusal.node.get("description", allowed(root, refusal.node))
         yield file.fault(place, f"is missing. Add it: {meaning}")
     elif error["type"] == "value_error":
         yield file.fault(place, str(context["error"]))
     else:
         yield file.fault(place, f"got {shown(refusal.value)}; allowed: {allowed(root, refusal.node)}{_hint(refusal)}")
+
+
+def _is_about_a_key(error: ErrorDetails) -> bool:
+    return error["type"] in ("extra_forbidden", "invalid_key") or error["loc"][-1:] == ("[key]",)
 
 
 def shown(value: Any) -> str:
@@ -134,7 +140,7 @@ def _unknown_key(key: str, parent: Node) -> str:
 def _meant_place(refusal: _Refusal) -> KeyPath:
     *above, key = refusal.place
     meant, _ = _nearest_key(str(key), known_keys(refusal.parent))
-    return (*above, meant or key)
+    return (*above, meant)
 
 
 def _nearest_key(key: str, known: list[str]) -> tuple[str, str]:

@@ -44,9 +44,7 @@ class LiveConsole:
     def __init__(self, stream: LastingStream, now_s: Callable[[], float] = time.monotonic) -> None:
         self._scan = ScanSoFar(now_s)
         self._console = Console(file=cast(IO[str], stream), highlight=False, emoji=False, markup=False)
-        self._live = Live(
-            console=self._console, get_renderable=self._view, refresh_per_second=_REFRESHES_PER_S, transient=True
-        )
+        self._live = Live(self, console=self._console, refresh_per_second=_REFRESHES_PER_S, transient=True)
 
     def __call__(self, event: Event) -> None:
         """Take an event in; it shows with the next refresh."""
@@ -69,7 +67,8 @@ class LiveConsole:
             parts = (Text(), _parameters(fit, started), Text(), quality(fit), model_name(fit), Text())
             self._console.print(Group(*parts))
 
-    def _view(self) -> RenderableType:
+    def __rich__(self) -> RenderableType:
+        """The view as things stand."""
         scan = self._scan
         if scan.started is None:
             return Text("Preparing the bench …", style=_LABEL)

@@ -4,65 +4,189 @@ from __future__ import annotations
 
 import textwrap
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from acquisition.readings import StokesPoint
 from acquisition.whole_file import written_whole
-from goniometer.fit_summary import parameter_rows, quality
+from goniometer.fit_summary import ParameterRow, parameter_rows, quality
+from goniometer.report_panels import DATA_COLOUR, FIT_COLOUR, draw_quantity, draw_residuals, quantities
 from model.fit import FitResult
-from model.geometry import FloatArray
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-# Okabe and Ito's palette, told apart with any colour vision
-_DATA, _FIT, _WARNING = "#0072B2", "#D55E00", "#B8860B"
-_INK, _FAINT, _BAND = "#222222", "#6f6f6f", "#ececec"
-_STYLE = {
-    "font.size": 9.0,
+_DPI = 150
+_WIDTH_IN, _HEAD_IN, _PANELS_IN, _X_LABEL_IN = 13.0, 1.15, 5.2, 0.7
+_ROW_IN, _SMALL_ROW_IN, _FOOT_MARGIN_IN = 0.27, 0.155, 0.3
+_LEFT, _RIGHT = 0.045, 0.985
+_TEXT_LEFT, _TEXT_COLUMNS, _QUALITY_COLUMNS = 0.535, 96, 92
+_COLUMNS = {"name": 0.0, "meaning": 0.04, "value": 0.225, "error": 0.235, "truth": 0.365, "off": 0.43}
+"""Left edges of the parameter table's columns in parts of the width; value, truth and off end there."""
+_INK, _FAINT, _RULE = "#222222", "#6f6f6f", "#9a9a9a"
+_STYLE: dict[Any, Any] = {
+    "font.size": 9.5,
     "text.color": _INK,
     "axes.labelcolor": _INK,
-    "axes.edgecolor": "#888888",
-    "axes.linewidth": 0.8,
+    "axes.edgecolor": _RULE,
     "axes.spines.top": False,
     "axes.spines.right": False,
     "axes.axisbelow": True,
     "xtick.color": _INK,
     "ytick.color": _INK,
-    "grid.color": "#e3e3e3",
+    "grid.color": "#e4e4e4",
     "grid.linewidth": 0.7,
+    "legend.frameon": False,
+    "axes.formatter.min_exponent": 3,
+    "axes.formatter.limits": (-3, 5),
 }
-_SYMBOLS = {"sigma": "σ", "rho_s": r"$\rho_\mathrm{s}$", "rho_d": r"$\rho_\mathrm{d}$", "rho_dd": r"$\rho_\mathrm{dd}$"}
-_MEANINGS = {
-    "sigma": "roughness, rms slope",
-    "n": "refractive index",
-    "k": "extinction",
-    "rho_s": "specular weight",
-    "rho_d": "diffuse weight",
-    "rho_dd": "directional weight",
+_SYMBOLS = {
+    "sigma": ("$\\sigma$", "roughness, rms slope"),
+    "n": ("$n$", "refractive index"),
+    "k": ("$k$", "extinction coefficient"),
+    "rho_s": ("$\\rho_\\mathrm{s}$", "weight, specular"),
+    "rho_d": ("$\\rho_\\mathrm{d}$", "weight, diffuse"),
+    "rho_dd": ("$\\rho_\\mathrm{dd}$", "weight, directional"),
 }
-_CROWDED = 150
-"""Number of points above which they are drawn small and faint, so that the fit stays visible."""
 
 
-@dataclass(frozen=True)
-class _Quantity:
-    """One measured quantity along the scan, with the fit's values where there is a fit; arrays of shape (N,)."""
+def draw_report(
+    path: Path,
+    *,
+    title: str,
+    points: Sequence[StokesPoint],
+    fit: FitResult | None,
+    truth: Mapping[str, float],
+) -> None:
+    """Draw S0, DoLP and AoLP against the exit angle with the fit, its residuals and its parameters, as a PNG file.
 
-    label: str
-    measured: FloatArray
-    stderr: FloatArray
-    fitted: FloatArray | None
-    period: float | None = None
+    The DoLP is the one with the bias of noise removed. S0 that a logarithmic axis cannot show is marked at its edge.
 
-    def residuals(self) -> FloatArray:
-        """Measured less fitted in standard errors, by the shorter way round where the quantity is an angle."""
-        difference = self.measured - (np.nan if self.fitted is None else self.fitted)
-        if self.period is not None:
-            difference = (difference + self.period / 2.0) % self.period - self.period / 2.0
-        return difference / self.stderr
+    Parameters
+    ----------
+    path : Path
+        The file; replaced as a whole if it exists.
+    title : str
+        What was measured.
+    points : sequence of StokesPoint
+        At least one; all at one incidence and one azimuth.
+    fit : FitResult or None
+        The fit of these points; without it there are no lines, residuals and parameters.
+    truth : mapping of str to float
+        The simulated sample's own parameters; empty for a real sample.
+
+    Raises
+    ------
+    JournalError
+        The file cannot be written.
+    """
+    import matplotlib as mpl  # half a second that a scan's start does not need
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    verdict, description = ([], []) if fit is None else _wrapped(fit)
+    foot_in = _FOOT_MARGIN_IN
+    if fit is not None:
+        table_in = _ROW_IN * (len(fit.parameters) + 1.6) + _SMALL_ROW_IN * len(verdict)
+        foot_in += max(table_in, _SMALL_ROW_IN * len(description))
+    with mpl.rc_context(_STYLE), written_whole(path) as part:
+        figure = Figure(figsize=(_WIDTH_IN, _HEAD_IN + _PANELS_IN + foot_in))
+        FigureCanvasAgg(figure)
+        _draw_head(figure, title, points, fit)
+        _draw_panels(figure, points, fit, foot_in)
+        if fit is not None:
+            _draw_table(figure, parameter_rows(fit, truth), foot_in)
+            _draw_text(figure, _LEFT, foot_in - _ROW_IN * (len(fit.parameters) + 1.4), verdict)
+            _draw_text(figure, _TEXT_LEFT, foot_in, description)
+        figure.savefig(part, format="png", dpi=_DPI)
+
+
+def _draw_head(figure: Figure, title: str, points: Sequence[StokesPoint], fit: FitResult | None) -> None:
+    from matplotlib.lines import Line2D
+
+    height_in = figure.get_figheight()
+    incidence_deg = np.mean([point.incidence_deg for point in points])
+    azimuth_deg = np.mean([point.azimuth_deg for point in points])
+    details = (
+        f"incidence {incidence_deg:z.2f}°     sample azimuth {azimuth_deg:z.2f}°     "
+        f"{len(points)} direction{'s' * (len(points) != 1)}     "
+        "polarization: degree without the bias of noise, angle from the s-direction"
+    )
+    figure.text(_LEFT, 1.0 - 0.38 / height_in, title, size=16, weight="bold", va="center")
+    figure.text(_LEFT, 1.0 - 0.70 / height_in, details, color=_FAINT, va="center")
+    key = [Line2D([], [], color=DATA_COLOUR, marker="o", ls="", ms=4, label="measured ± standard error")]
+    if fit is not None:
+        key.append(Line2D([], [], color=FIT_COLOUR, label="fit"))
+    at = (_RIGHT, 1.0 - 0.70 / height_in)
+    figure.legend(handles=key, loc="center right", bbox_to_anchor=at, ncols=2, borderaxespad=0.0, borderpad=0.0)
+
+
+def _draw_panels(figure: Figure, points: Sequence[StokesPoint], fit: FitResult | None, foot_in: float) -> None:
+    height_in = figure.get_figheight()
+    grid = figure.add_gridspec(
+        2,
+        3,
+        height_ratios=(3.2, 1.0),
+        left=_LEFT,
+        right=_RIGHT,
+        top=1.0 - _HEAD_IN / height_in,
+        bottom=(foot_in + _X_LABEL_IN) / height_in,
+        wspace=0.15,
+        hspace=0.16,
+    )
+    for column, quantity in enumerate(quantities(points, fit)):
+        lowest = axes = figure.add_subplot(grid[:, column] if fit is None else grid[0, column])
+        draw_quantity(axes, quantity)
+        if fit is not None:
+            lowest = figure.add_subplot(grid[1, column], sharex=axes)
+            draw_residuals(lowest, quantity)
+            lowest.set_title("residual in standard errors", loc="left", size="small", color=_FAINT, pad=3.0)
+            axes.tick_params(labelbottom=False)
+        lowest.set_xlabel("exit angle (°)")
+
+
+def _draw_table(figure: Figure, rows: Sequence[ParameterRow], foot_in: float) -> None:
+    from matplotlib.lines import Line2D
+
+    height_in = figure.get_figheight()
+    has_truth = any(row.truth for row in rows)
+
+    def write(line: float, column: str, text: str, align: str = "left", **style: Any) -> None:
+        y = (foot_in - _ROW_IN * (line + 0.5)) / height_in
+        figure.text(_LEFT + _COLUMNS[column], y, text, ha=align, va="center", **style)
+
+    def rule(line: float, width: float) -> None:
+        y = (foot_in - _ROW_IN * line) / height_in
+        right = _LEFT + (_COLUMNS["off"] if has_truth else _COLUMNS["truth"])
+        figure.add_artist(Line2D([_LEFT, right], [y, y], color=_RULE, linewidth=width))
+
+    write(0, "name", "parameter", color=_FAINT)
+    write(0, "value", "value", "right", color=_FAINT)
+    write(0, "error", "± error", color=_FAINT)
+    if has_truth:
+        write(0, "truth", "truth", "right", color=_FAINT)
+        write(0, "off", "off, in ±", "right", color=_FAINT)
+    for line, row in enumerate(rows, start=1):
+        symbol, meaning = _SYMBOLS.get(row.name, (row.name, ""))
+        write(line, "name", symbol)
+        write(line, "meaning", meaning, color=_FAINT)
+        write(line, "value", row.value, "right", weight="bold")
+        write(line, "error", f"± {row.error}" if row.error else row.note)
+        if has_truth:
+            write(line, "truth", row.truth, "right")
+            write(line, "off", row.off.replace("-", "−"), "right")
+    rule(0, 1.0)
+    rule(1, 0.6)
+    rule(len(rows) + 1, 1.0)
+
+
+def _draw_text(figure: Figure, left: float, top_in: float, lines: Sequence[str]) -> None:
+    figure.text(left, top_in / figure.get_figheight(), "\n".join(lines), va="top", size=8.0, linespacing=1.35)
+
+
+def _wrapped(fit: FitResult) -> tuple[list[str], list[str]]:
+    """What chi-square says, and what the model consists of, in lines that fit their places."""
+    paragraphs = [textwrap.wrap(paragraph, _TEXT_COLUMNS) for paragraph in fit.description.splitlines()]
+    return textwrap.wrap(quality(fit), _QUALITY_COLUMNS), [line for lines in paragraphs for line in (*lines, "")]

@@ -87,14 +87,18 @@ def load(folder: str | Path) -> StoredRun:
         readings, about = stored.readings(), stored.about()
     recipe = Recipe.model_validate(yaml.safe_load(about["recipe"]))
     rig = Rig.model_validate(yaml.safe_load(about["rig"]))
-    truth = Scene.model_validate(yaml.safe_load(about["scene"])).truth() if about.get("scene") else {}
     points = reduction(recipe, rig).scan(readings)
     result, refusal = None, ""
     try:
         result = fit(stokes_data(points), surface_family(recipe.fit), search=recipe.fit.search)
     except FitError as error:
         refusal = str(error)
-    return StoredRun(folder, recipe, readings, points, result, refusal, truth, about)
+    return StoredRun(folder, recipe, readings, points, result, refusal, scene_truth(about["scene"]), about)
+
+
+def scene_truth(scene_text: str) -> dict[str, float]:
+    """The parameters of a simulated sample; none when there is no scene."""
+    return Scene.model_validate(yaml.safe_load(scene_text)).truth() if scene_text else {}
 
 
 def write_results(run: StoredRun) -> list[Path]:
@@ -117,6 +121,7 @@ def _fit_as_json(run: StoredRun) -> dict[str, object]:
             parameters[name]["truth"] = run.truth[name]
     return {
         "parameters": parameters,
+        "fixed": dict(run.recipe.fit.fixed),
         "chi_square": run.fit.chi_square,
         "degrees_of_freedom": run.fit.degrees_of_freedom,
         "correlation": {"names": list(run.fit.names), "matrix": run.fit.correlation.tolist()},

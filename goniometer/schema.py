@@ -61,7 +61,7 @@ def child(root: Node, node: Node, key: str | int) -> Node:
     """The node of a key or a list's item; empty when the schema knows none."""
     if key in node.get("properties", {}):
         return resolved(root, node["properties"][key])
-    if isinstance(key, int) and key < len(node.get("prefixItems", [])):
+    if isinstance(key, int) and 0 <= key < len(node.get("prefixItems", [])):
         return resolved(root, node["prefixItems"][key])
     for others in ("additionalProperties", "items"):
         if isinstance(node.get(others), dict):
@@ -77,6 +77,8 @@ def known_keys(node: Node) -> list[str]:
 def allowed(root: Node, node: Node) -> str:
     """What may stand at a node, in words."""
     node = resolved(root, node)
+    if "discriminator" in node:
+        return f"a group of keys, one of them {node['discriminator']['propertyName']}"
     if options := node.get("anyOf") or node.get("oneOf"):
         return ", or ".join(allowed(root, option) for option in options)
     if "const" in node:

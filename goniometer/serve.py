@@ -24,7 +24,7 @@ def serve(scene_path: Path, speed: Speed, out: TextIO) -> None:
     loaded = load_scene(scene_path)
     with Interruption() as interruption, simulate(loaded.scene, speed) as bench:
         control = ControlServer(bench, loaded.scene_text)
-        document = loaded.rig.model_dump(mode="json", exclude_none=True)
+        document = yaml.safe_load(loaded.rig_text)
         document["bench"] = control.address
         for name, port in served_ports(loaded.rig, bench).items():
             document["devices"][name]["port"] = port
@@ -34,12 +34,10 @@ def serve(scene_path: Path, speed: Speed, out: TextIO) -> None:
         print("Serving until Ctrl-C.", file=sys.stderr)
         try:
             while True:
-                bench.wait(_LOOK_S)
-                interruption.check()
+                interruption.wait(_LOOK_S)
+                bench.raise_failure()
         except ScanInterrupted as asked:
             print(f"Ended by {asked.reason}.", file=sys.stderr)
-        finally:
-            control.stop()
 
 
 def _terminals(bench: Bench) -> str:

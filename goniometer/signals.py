@@ -22,12 +22,19 @@ class Interruption:
 
     def __init__(self) -> None:
         self._asked: ScanInterrupted | None = None
+        self._is_asked = threading.Event()
         self._before: dict[signal.Signals, Any] = {}
 
     def request(self, reason: str, exit_code: int) -> None:
         """Ask the scan to end; the first request counts."""
         if self._asked is None:
             self._asked = ScanInterrupted(reason, exit_code)
+            self._is_asked.set()
+
+    def wait(self, duration_s: float) -> None:
+        """Wait in real time; raises ScanInterrupted as soon as the end is asked for."""
+        self._is_asked.wait(duration_s)
+        self.check()
 
     def check(self) -> None:
         """Raise ScanInterrupted when the scan was asked to end."""

@@ -48,16 +48,16 @@ class YamlFile:
     path: Path
     text: str = ""
     data: dict[str | int, Any] | None = None
-    lines: Mapping[KeyPath, int] = field(default_factory=dict)
+    lines: Mapping[KeyPath, int] = field(default_factory=lambda: {(): 1})
     faults: tuple[Fault, ...] = ()
     unread: frozenset[KeyPath] = frozenset()
 
     def fault(self, place: KeyPath, what: str) -> Fault:
         """Say what is wrong at a place of the file; a place that is missing gets the line of what should hold it."""
         present = place
-        while present and present not in self.lines:
+        while present not in self.lines:
             present = present[:-1]
-        return Fault(str(self.path), self.lines.get(present, 1), f"{named(place)}{what}")
+        return Fault(str(self.path), self.lines[present], f"{named(place)}{what}")
 
 
 def named(place: KeyPath) -> str:
@@ -128,13 +128,14 @@ def _parse(path: Path, text: str) -> YamlFile:
         return YamlFile(path, text, faults=(Fault(name, *explain_syntax(error, text)),))
     except yaml.reader.ReaderError as error:
         return YamlFile(path, text, faults=(Fault(name, *explain_character(error, text)),))
-    if root is None:
+    if root is None or root.tag == "tag:yaml.org,2002:null":
         return YamlFile(
             path, text, faults=(Fault(name, 1, "is empty. Write keys and values, for example 'rig: name'"),)
         )
     if not isinstance(root, yaml.MappingNode):
         what = "does not begin with a key. Write keys and values, for example 'rig: name'"
         return YamlFile(path, text, faults=(Fault(name, root.start_mark.line + 1, what),))
+    reading.lines[()] = root.start_mark.line + 1
     data = reading.mapping(root, ())
     return YamlFile(path, text, data, reading.lines, tuple(reading.faults), frozenset(reading.unread))
 
@@ -192,11 +193,11 @@ class _Reading:
         try:
             key = _read_leaf(node) if isinstance(node, yaml.ScalarNode) else "a list or a group of keys"
         except ValueError as error:
-            self._add(line, place, f"this key {error}")
+            self._add(line, place, f"one of its keys cannot be read: {error}")
             return None
         if isinstance(node, yaml.ScalarNode) and (isinstance(key, str) or type(key) is int):
             return key
-        self._add(line, place, f"got a key that is {key}; allowed: words and whole numbers")
+        self._add(line, place, f"one of its keys is {key}; allowed: words and whole numbers")
         return None
 
     def _value(self, node: yaml.Node, place: KeyPath) -> Any:

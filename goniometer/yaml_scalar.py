@@ -17,6 +17,7 @@ _INTEGER = re.compile(r"[-+]?(0|[1-9][0-9]{0,17})")
 _FLOAT = re.compile(r"[-+]?([0-9]+\.[0-9]*|\.[0-9]+)([eE][-+][0-9]+)?")
 _EXPONENT = re.compile(r"([-+]?[0-9]+)(\.[0-9]*)?[eE]([-+]?)([0-9]+)")
 _DECIMAL_COMMA = re.compile(r"([-+]?[0-9]+),([0-9]+)")
+_HALF_CHARACTER = re.compile("[\ud800-\udfff]")
 _TAG = "tag:yaml.org,2002:"
 
 
@@ -34,6 +35,8 @@ def read_scalar(node: yaml.Node) -> Scalar:
         When YAML would read it as something a person did not mean; the message says what to write.
     """
     text = node.value
+    if _HALF_CHARACTER.search(text):
+        raise ValueError(f"got {text!r}, which is not text: \\ud800 to \\udfff are halves of characters")
     match node.tag.removeprefix(_TAG):
         case "str":
             return _plain_text(text) if getattr(node, "style", None) is None else text
@@ -47,12 +50,12 @@ def read_scalar(node: yaml.Node) -> Scalar:
             raise ValueError("has no value. Write one after the colon, or leave the key out")
         case "timestamp":
             raise ValueError(f"got {text}, which YAML reads as a date. Put it in quotes if it is text: '{text}'")
-        case "merge" | "value":
+        case "merge":
+            raise ValueError("got <<, which merges other keys in; these are not read. Write the keys out in full")
+        case _:
             raise ValueError(
                 f"got {text}, which has a special meaning in YAML. Put it in quotes if it is text: '{text}'"
             )
-        case _:
-            raise ValueError(f"got {text}, which YAML does not read as text or number. Put it in quotes if it is text")
 
 
 def _plain_text(text: str) -> str:

@@ -32,7 +32,7 @@ def lines_indented_with_tabs(text: str) -> Iterator[tuple[int, str]]:
     """All lines that a tab indents, with what to do."""
     for number, line in enumerate(text.split("\n"), start=1):
         content = line.lstrip()
-        if content and not content.startswith("#") and "\t" in line[: len(line) - len(content)]:
+        if content and "\t" in line[: len(line) - len(content)]:
             yield number, _TAB
 
 
@@ -53,8 +53,8 @@ def explain_syntax(error: yaml.MarkedYAMLError, text: str) -> tuple[int, str]:
         words = _TAB if character == r"\t" else f"a value may not begin with {character}. Put it in quotes"
     else:
         words = next((meaning for start, meaning in _MEANINGS.items() if problem.startswith(start)), problem)
-    if "is not closed" in words and error.context_mark is not None:
-        # An unclosed bracket or quotation mark is noticed later; where it was opened is where a person must look.
+    if ("is not closed" in words or "without a colon" in words) and error.context_mark is not None:
+        # What is not ended is noticed later; where it began is where a person must look.
         mark = error.context_mark
     return (mark.line + 1 if mark else 1), f"not YAML: {words}"
 

@@ -19,7 +19,7 @@ __all__ = ["Estimate", "FitResult", "StokesData", "SurfaceFamily", "fit"]
 _SEARCHES = {"sobol": sobol_starts, "genetic": genetic_starts}
 _AT_BOUND = 1e-6
 # Steps of least squares: enough to tell the best of several starts, and to end it.
-_SHORT, _LONG = 20, 100
+_SHORT, _LONG = 15, 60
 
 
 def fit(

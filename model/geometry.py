@@ -21,6 +21,9 @@ from numpy.typing import ArrayLike, NDArray
 
 FloatArray = NDArray[np.float64]
 
+# Below this |i × r| its components lose digits, because they are among the smallest numbers there are.
+_RETRO = np.finfo(np.float64).tiny / np.finfo(np.float64).eps
+
 
 @dataclass(frozen=True)
 class Rotation:
@@ -126,7 +129,7 @@ def directions(incidence_rad: ArrayLike, exit_rad: ArrayLike, azimuth_rad: Array
     incoming_x, incoming_y = sin_difference + cos_i * sin_r * versine_phi, sin_r * sin_phi
     outgoing_x, outgoing_y = sin_i * cos_r * versine_phi - sin_difference, sin_i * sin_phi
     # At retro-reflection i × r vanishes, and any direction serves in its place; this is the incoming ray's own x-axis.
-    retro = np.hypot(incoming_x, incoming_y) == 0.0
+    retro = np.hypot(incoming_x, incoming_y) < _RETRO
     incoming_x = np.where(retro, 1.0, incoming_x)
     outgoing_x, outgoing_y = np.where(retro, -np.cos(azimuth), outgoing_x), np.where(retro, sin_phi, outgoing_y)
 

@@ -38,6 +38,8 @@ class StokesData:
 
     def __post_init__(self) -> None:
         count = len(self.stokes)
+        if count == 0:
+            raise FitError("There is no row of Stokes data. Nothing was fitted. Measure at least one direction.")
         shapes: dict[str, tuple[int, ...]] = {"stokes": (count, 3), "covariance": (count, 3, 3)}
         shapes |= dict.fromkeys(("incidence_rad", "exit_rad", "azimuth_rad"), (count,))
         for name, shape in shapes.items():

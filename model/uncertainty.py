@@ -47,14 +47,18 @@ def standard_errors(jacobian: FloatArray, names: Sequence[str]) -> tuple[FloatAr
     FitError
         If the data do not determine all of the parameters.
     """
+    if not names:
+        return np.empty(0), np.empty((0, 0))
     lengths = np.linalg.norm(jacobian, axis=0)
     # Unit columns: whether parameters can be told apart must not depend on the units they are counted in.
     _, singular, directions = np.linalg.svd(jacobian / np.where(lengths > 0.0, lengths, 1.0), full_matrices=False)
-    if singular[-1] <= _SINGULAR * singular[0]:
-        mixed = [name for name, share in zip(names, directions[-1], strict=True) if abs(share) > 0.1]
+    blind = singular <= _SINGULAR * singular[0]
+    if blind.any():
+        share = np.linalg.norm(directions[blind], axis=0)
+        mixed = [name for name, part in zip(names, share, strict=True) if part > 0.1]
         raise FitError(
-            f"The data do not determine {' and '.join(mixed)}: changing them together leaves every fitted value the "
-            f"same. No result is given. Measure more directions, or fix one of them."
+            f"The data do not determine {' and '.join(mixed)}: there are changes of these that leave every fitted "
+            f"value the same. No result is given. Measure more directions, or fix one of them."
         )
     covariance = (directions.T / singular**2) @ directions
     scale = np.sqrt(np.diag(covariance))

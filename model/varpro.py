@@ -44,7 +44,8 @@ class Projection:
         values = {}
         for name, u in zip(self.family.shapes, unit, strict=True):
             low, high = self.family.free[name]
-            values[name] = float(low * (high / low) ** u if name == "sigma" else low + (high - low) * u)
+            value = low * (high / low) ** u if name == "sigma" else low + (high - low) * u
+            values[name] = float(min(max(value, low), high))  # a bound's rounding must not lie outside it
         return values
 
     def unit(self, parameters: dict[str, float]) -> FloatArray:

@@ -49,7 +49,7 @@ def dark_current(power_w: float) -> Part:
 
 
 def shot_noise(photon_energy_j: float) -> Part:
-    """Count photons: their number is Poisson distributed, so the variance is power times photon energy over exposure."""
+    """Count photons: a Poisson number, so the variance is power times photon energy over exposure."""
 
     def count_photons(signal_w: float, measurement: Measurement) -> float:
         photon_w = photon_energy_j / measurement.exposure_s
@@ -59,7 +59,7 @@ def shot_noise(photon_energy_j: float) -> Part:
 
 
 def read_noise(power_w: float) -> Part:
-    """Add Gaussian noise whose standard deviation is `power_w` for one 3 ms sample and falls with their number's root."""
+    """Add Gaussian noise: standard deviation `power_w` for one 3 ms sample, less by the root of their number."""
 
     def add_read_noise(signal_w: float, measurement: Measurement) -> float:
         spread_w = power_w * (SAMPLE_S / measurement.exposure_s) ** 0.5

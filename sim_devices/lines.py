@@ -19,7 +19,7 @@ class LineSplitter:
         self._unfinished = b""
 
     def feed(self, data: bytes) -> list[str]:
-        """Lines that are complete now, without their terminator; a byte that is not ASCII becomes a question mark."""
+        """Lines that are complete now, without their terminator; each byte becomes the character of its number."""
         *lines, rest = (self._unfinished + data).split(self._terminator)
         self._unfinished = rest[: self._limit]
-        return [line[: self._limit].decode("ascii", "replace").replace("\ufffd", "?") for line in lines]
+        return [line[: self._limit].decode("latin-1") for line in lines]

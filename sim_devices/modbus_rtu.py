@@ -137,7 +137,8 @@ class RtuSession:
             case 0x03:
                 return self._read(*struct.unpack(">HH", data), now_s=now_s)
             case 0x06:
-                self._registers.write_one(*struct.unpack(">HH", data), now_s)
+                address, value = struct.unpack(">HH", data)
+                self._registers.write_one(address, value, now_s)
                 return data
             case 0x08:
                 if data[:2] != b"\0\0":

@@ -52,9 +52,12 @@ class Profile:
             begin_deg += (velocity + acceleration * duration_s / 2) * duration_s
             velocity += acceleration * duration_s
             begin_s += duration_s
-        return max(after_s, self.end_s) if position_deg == self.end_deg else None
+        # rounding may put the target a hair beyond the end
+        return max(after_s, self.end_s) if abs(position_deg - self.end_deg) < 1e-9 else None
 
     def _state(self, time_s: float) -> tuple[float, float]:
+        if time_s >= self.end_s:
+            return self.end_deg, 0.0
         position, velocity, left_s = self.start_deg, self.start_velocity_deg_s, time_s - self.start_s
         if left_s < 0:
             return position, 0.0

@@ -13,12 +13,14 @@ _STEPS_PER_MOTOR_TURN = 1000
 _LARGEST = 2**31 - 1
 _HOMING_HZ, _HOMING_RATE_HZ_S = 5_000, 1_000_000
 _JOG_HZ, _JOG_STEPS = 1_000, 1
-_DRIVER_TEMPERATURE, _MOTOR_TEMPERATURE = 400, 350
 _DATA_ALARM = 0x70
 _BAD_FRAME, _UNDEFINED, _OUT_OF_RANGE, _NOT_EXECUTABLE = 0x84, 0x88, 0x8C, 0x8D
 
 _ONE_SHOT, _INPUT, _OUTPUT = 0x0074, 0x007C, 0x007E
 _ALARM, _COMMUNICATION_ERROR = 0x0080, 0x00AC
+_COMMAND_STEPS, _COMMAND_RPM, _COMMAND_HZ = 0x00C6, 0x00C8, 0x00CA
+_FEEDBACK_STEPS, _FEEDBACK_RPM, _FEEDBACK_HZ = 0x00CC, 0x00CE, 0x00D0
+_TORQUE, _DRIVER_TEMPERATURE, _MOTOR_TEMPERATURE = 0x00D6, 0x00F8, 0x00FA
 _ALARM_RESET, _ALARM_HISTORY, _ERROR_HISTORY, _PRESET = 0x0180, 0x0184, 0x0188, 0x018A
 _DIRECT, _TRIGGER, _DESTINATION = 0x0058, 0x0066, 0x0068
 _STORED, _STORED_STRIDE, _STORED_COUNT = 0x1800, 64, 256
@@ -156,8 +158,8 @@ class OrientalAz:
     def write(self, address: int, values: list[int], now_s: float) -> None:
         """Write whole items, then do what they ask for."""
         items = self._whole_items(address, len(values))
-        pairs = zip(values[::2], values[1::2], strict=True)
-        self._write_items({item: _signed(upper << 16 | lower) for item, (upper, lower) in zip(items, pairs)}, now_s)
+        numbers = (_signed(upper << 16 | lower) for upper, lower in zip(values[::2], values[1::2], strict=True))
+        self._write_items(dict(zip(items, numbers, strict=True)), now_s)
 
     def write_one(self, address: int, value: int, now_s: float) -> None:
         """Write one half of an item, then do what the item asks for."""
@@ -186,9 +188,12 @@ class OrientalAz:
             _OUTPUT: self._output(now_s),
             _ALARM: self._alarm,
             _COMMUNICATION_ERROR: self._communication_error,
-            **{0x00C6: steps, 0x00C8: speed_rpm, 0x00CA: speed_hz},
-            **{0x00CC: steps, 0x00CE: speed_rpm, 0x00D0: speed_hz},
-            **{0x00D6: 0, 0x00F8: _DRIVER_TEMPERATURE, 0x00FA: _MOTOR_TEMPERATURE},
+            **dict.fromkeys((_COMMAND_STEPS, _FEEDBACK_STEPS), steps),
+            **dict.fromkeys((_COMMAND_RPM, _FEEDBACK_RPM), speed_rpm),
+            **dict.fromkeys((_COMMAND_HZ, _FEEDBACK_HZ), speed_hz),
+            _TORQUE: 0,
+            _DRIVER_TEMPERATURE: 400,
+            _MOTOR_TEMPERATURE: 350,
         }
 
     def _output(self, now_s: float) -> int:

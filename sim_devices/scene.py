@@ -44,7 +44,7 @@ class Sample(_Part):
         if self.material is not None and self.material not in materials.names():
             known = ", ".join(materials.names())
             raise ValueError(
-                f"the material {self.material!r} is not known; known are {known}; for any other give its index: {{n, k}}"
+                f"the material {self.material!r} is not known; known are {known}; for another give index: {{n, k}}"
             )
         return self
 

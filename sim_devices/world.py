@@ -87,10 +87,9 @@ class World:
 
     def describe(self) -> str:
         """Which effects are on the detector's path, in order, and which are not there at all."""
-        absent = [name for name in _ORDER if name not in self._parts]
-        return (
-            f"On the detector's path: {', '.join(self._parts) or 'nothing'}. Not there: {', '.join(absent) or 'nothing'}."
-        )
+        present = ", ".join(self._parts) or "nothing"
+        absent = ", ".join(name for name in _ORDER if name not in self._parts) or "nothing"
+        return f"On the detector's path: {present}. Not there, because the scene does not name it: {absent}."
 
 
 def surface(scene: Scene) -> Surface:
@@ -105,7 +104,7 @@ def surface(scene: Scene) -> Surface:
 
 
 def analyzer_row(slot: Slot) -> NDArray[np.float64] | None:
-    """First row of the Mueller matrix of what a slot holds: nothing, an ideal polarizer (angle in degrees), or a lid."""
+    """First row of the Mueller matrix of a slot: open, a polarizer (angle in degrees), or None for a lid."""
     if slot == "blocked":
         return None
     if slot == "open":

@@ -2,6 +2,8 @@ from __future__ import annotations
 
 import socket
 import struct
+import subprocess
+import sys
 
 import pytest
 
@@ -111,7 +113,7 @@ def test_position_is_the_published_frame(stage):
 
 def test_negative_numbers_are_the_published_frame(make_peer):
     peer = make_peer({MINUS_1000: MINUS_1000_TAKEN, POSITION: answer(-1000)}, split=split)
-    modbus = ModbusRtu(peer.port, device="stage", unit=1, baudrate=115200, reply_timeout_s=2)
+    modbus = ModbusRtu(peer.port, device="stage", unit=1, baudrate=115200, parity="E", reply_timeout_s=2)
     modbus.write_int32(0x1802, [-1000])
     assert peer.commands == [MINUS_1000]
     assert modbus.read_int32(0x00CC) == [-1000]
@@ -247,10 +249,22 @@ def test_vanished_drive_is_not_connected(stage):
         stage.position_deg()
 
 
-def test_closed_port_says_what_to_do_and_prints_nothing(clock, capfd):
+@pytest.mark.parametrize("port", ["socket://nowhere", "socket://nowhere:x", "/dev/no_such_port"])
+def test_unusable_address_is_not_connected(port):
+    with pytest.raises(NotConnectedError, match=f"stage: port {port} cannot be opened"):
+        ModbusRtu(port, device="stage", unit=1, baudrate=115200, parity="E", reply_timeout_s=0.05).open()
+
+
+def test_nothing_is_printed_beside_the_error():
     with socket.create_server(("127.0.0.1", 0)) as server:
-        free = server.getsockname()[1]
-    for port in (f"socket://127.0.0.1:{free}", "socket://nowhere", "socket://nowhere:x", "/dev/no_such_port"):
-        with pytest.raises(NotConnectedError, match=f"stage: port {port} cannot be opened"):
-            ModbusRtu(port, device="stage", unit=1, baudrate=115200, reply_timeout_s=0.05).open()
-    assert capfd.readouterr() == ("", "")
+        port = f"socket://127.0.0.1:{server.getsockname()[1]}"
+    program = f"""
+from drivers.modbus_rtu import ModbusRtu
+try:
+    ModbusRtu({port!r}, device="stage", unit=1, baudrate=115200, parity="E", reply_timeout_s=1).open()
+except ConnectionError as error:
+    print(error)
+"""
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    assert done.stdout.startswith(f"stage: port {port} cannot be opened.")
+    assert done.stderr == ""

@@ -135,15 +135,17 @@ def test_reading_has_twice_its_exposure_and_two_seconds(meter, clock, until):
 
 @pytest.mark.usefixtures("no_real_grace")
 def test_late_reading_is_not_taken_for_the_next_one(meter, clock, until):
-    late = b"9.000000E-01\n" + ANSWERS[b"*IDN?"]
-    _, meter = meter(changes={b"MEAS:POW?": [b"", b"1.000000E-06\n"], b"*IDN?": late})
+    earlier = b"8.000000E-01\n" + ANSWERS[b"*IDN?"]
+    peer, meter = meter(changes={b"MEAS:POW?": [b"", b"1.000000E-06\n"], b"*IDN?": earlier})
     meter.start_reading(0.03)
     clock.time_s = 10
     with pytest.raises(ReplyTimeoutError, match="no reading"):
         meter.is_reading()
+    peer.say(b"9.000000E-01\n")
     meter.start_reading(0.03)
     until(lambda: not meter.is_reading())
     assert meter.power_w() == 1e-6
+    assert peer.commands[-3:] == [b"MEAS:POW?", b"*IDN?", b"MEAS:POW?"]
 
 
 def test_no_reading_is_not_a_power(meter):

@@ -137,7 +137,7 @@ def test_a_bench_served_by_another_process_gives_the_same_result(tmp_path):
     with ended_afterwards(goniometer("simulate", ROOT / "scenes" / "iron.yaml", "--speed", "max")) as serving:
         rig = tmp_path / "rig.yaml"
         text = ""
-        while "acceptance_sr" not in text:
+        while "bench:" not in text:
             text += serving.stdout.readline()
         rig.write_text(text)
         short = tmp_path / "short.yaml"

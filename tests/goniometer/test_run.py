@@ -34,21 +34,18 @@ def test_without_noise_the_fit_returns_the_scene(tmp_path, sample):
     recipe = write_variant(tmp_path, f"{sample}_60deg", sample, scene_changes={"effects": []})
     stored = goniometer.run(recipe, out=tmp_path / "runs", speed="max")
     assert stored.fit is not None
-    for name, true_value in stored.truth.items():
-        assert_allclose(stored.fit.parameters[name].value, true_value, rtol=1e-6, err_msg=name)
+    assert len(stored.fit.parameters) == (6 if sample == "iron" else 5)
+    for name, estimate in stored.fit.parameters.items():
+        assert_allclose(estimate.value, stored.truth[name], rtol=1e-6, err_msg=name)
 
 
 @pytest.mark.parametrize("sample", SAMPLES)
 def test_with_noise_index_and_roughness_lie_within_three_standard_errors(tmp_path, sample):
     stored = goniometer.run(ROOT / "recipes" / f"{sample}_60deg.yaml", out=tmp_path, speed="max")
     assert stored.fit is not None
-    checked = 0
-    for name in ("sigma", "n", "k"):
+    for name in ("sigma", "n", "k") if sample == "iron" else ("sigma", "n"):
         estimate = stored.fit.parameters[name]
-        if estimate.stderr is not None:
-            assert abs(estimate.value - stored.truth[name]) < 3 * estimate.stderr, name
-            checked += 1
-    assert checked == (3 if sample == "iron" else 2)
+        assert abs(estimate.value - stored.truth[name]) < 3 * estimate.stderr, name
     assert 0.5 < stored.fit.chi_square / stored.fit.degrees_of_freedom < 1.5
 
 
@@ -58,20 +55,22 @@ def test_events_tell_the_whole_scan_in_order(tmp_path):
         write_variant(tmp_path, recipe_changes=SHORT), out=tmp_path / "runs", speed="max", subscribers=[events.append]
     )
     assert isinstance(events[0], ScanStarted)
-    assert isinstance(events[-1], ScanEnded)
-    assert events[-1].reason == "finished"
+    *_, ended, last_fit = events
+    assert isinstance(ended, ScanEnded)
+    assert ended.reason == "finished"
     readings = [event.reading for event in events if isinstance(event, ReadingStored)]
-    assert len(readings) == events[0].readings == events[-1].readings == 11 * 5 * 2
+    assert len(readings) == events[0].readings == ended.readings == 11 * 5 * 2
     assert tuple(readings) == stored.readings
     assert [event.stokes_point.point for event in events if isinstance(event, PointReduced)] == list(range(11))
-    assert any(isinstance(event, FitUpdated) for event in events)
+    assert sum(isinstance(event, FitUpdated) for event in events) > 1
+    assert last_fit == FitUpdated(11, stored.fit)
 
 
 def test_a_scan_lasts_as_long_as_was_planned(tmp_path):
     events = []
     recipe = write_variant(tmp_path, recipe_changes=SHORT)
     goniometer.run(recipe, out=tmp_path / "runs", speed="max", subscribers=[events.append])
-    assert_allclose(events[-1].bench_duration_s, events[0].expected_duration_s, rtol=0.05)
+    assert_allclose(events[-2].bench_duration_s, events[0].expected_duration_s, rtol=0.05)
 
 
 def test_same_seed_same_readings_and_time_stamps(tmp_path):
@@ -107,7 +106,6 @@ def test_the_files_of_a_run_are_there_and_say_the_same(tmp_path):
     }
     again = goniometer.load(stored.folder)
     assert again.fit.to_dict() == stored.fit.to_dict()
-    assert again.about["seed"] == "1"
     assert yaml.safe_load(again.about["scene"])["sample"]["material"] == "Fe"
 
 

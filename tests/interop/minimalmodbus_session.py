@@ -20,8 +20,6 @@ def words(value):
 
 def main(port):
     drive = minimalmodbus.Instrument(port, 1)
-    drive.serial.baudrate = 115200
-    drive.serial.parity = minimalmodbus.serial.PARITY_EVEN
     drive.serial.timeout = 2
 
     def status():

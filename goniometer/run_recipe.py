@@ -11,7 +11,7 @@ from pathlib import Path
 
 from acquisition import journal
 from acquisition.engine import Bench, Engine, stopped_afterwards
-from acquisition.events import ScanEnded, ScanStarted, Subscriber
+from acquisition.events import FitUpdated, ScanEnded, ScanStarted, Subscriber
 from acquisition.expand import Step
 from acquisition.fit_points import surface_family
 from acquisition.journal import Journal
@@ -22,7 +22,7 @@ from goniometer.assembly import connected
 from goniometer.bench import Speed, access
 from goniometer.load_files import Setup, load_recipe
 from goniometer.planning import plan, reduction
-from goniometer.run_folder import StoredRun, load, new_run_folder, write_results
+from goniometer.run_folder import StoredRun, load, new_run_folder, scene_truth, write_results
 from goniometer.signals import Interruption
 
 _SWITCH_INTERVAL_S = 2e-4
@@ -91,7 +91,7 @@ def run(
                 points=len({step.point for step in steps}),
                 readings=sum(step.readings for step in steps),
                 expected_duration_s=sum(step.duration_s for step in steps),
-                truth=parse_scene(bench_access.scene_text).truth() if bench_access.scene_text else {},
+                truth=scene_truth(bench_access.scene_text),
             )
         )
         engine = Engine(bench, bench_access.clock, stored, pipeline.publish, interruption.check)
@@ -101,6 +101,8 @@ def run(
             error.add_note(f"Every reading shown is stored. Look at them with: goniometer fit {folder}")
             raise
     result = load(folder)
+    if result.fit is not None:
+        pipeline.publish(FitUpdated(len(result.points), result.fit))
     write_results(result)
     return result
 
@@ -109,7 +111,7 @@ def _scan(engine: Engine, bench: Bench, steps: Sequence[Step], clock: Clock, pip
     start_s = clock.now()
     reason = "finished"
     try:
-        with stopped_afterwards(bench):
+        with stopped_afterwards(bench, clock):
             engine.run(steps)
     except BaseException as error:
         reason = str(error) or type(error).__name__
@@ -139,6 +141,4 @@ def _about(setup: Setup, scene_text: str) -> dict[str, str]:
     }
     for package in ("goniometer", "numpy", "scipy", "pyserial", "pymodbus"):
         about[package] = importlib.metadata.version(package)
-    if scene_text:
-        about["seed"] = str(parse_scene(scene_text).seed)
     return about

@@ -1,0 +1,236 @@
+"""The one loop that serves every port of a bench: takes bytes, asks the device, sends replies when they are due."""
+
+from __future__ import annotations
+
+import heapq
+import itertools
+import selectors
+import socket
+import threading
+from dataclasses import dataclass, field
+
+from goniometer.errors import DeviceFaultError
+from sim_devices.clock import BenchClock
+from sim_devices.device import Device, Session
+from sim_devices.ports import Port, PtyPort, SocketPort
+
+# a client that does not read its replies is not listened to while this much waits for it
+_MOST_WAITING_BYTES = 65536
+
+
+@dataclass(eq=False)
+class _Link:
+    """One client: its port, its session, and what is on its way to it."""
+
+    port: Port
+    session: Session
+    scheduled_bytes: int = 0
+    unsent: bytearray = field(default_factory=bytearray)
+    has_ended: bool = False
+    watched: int = 0
+
+    @property
+    def wanted(self) -> int:
+        """The events to wait for now."""
+        waiting_bytes = self.scheduled_bytes + len(self.unsent)
+        listens = not self.has_ended and waiting_bytes < _MOST_WAITING_BYTES
+        return (selectors.EVENT_READ if listens else 0) | (selectors.EVENT_WRITE if self.unsent else 0)
+
+
+class Reactor:
+    """Serves its ports in a thread of its own, and in any thread that calls `serve`; only one of them at a time.
+
+    Parameters
+    ----------
+    clock : BenchClock
+        Tells when a reply is due. Virtual time goes there as soon as no client has anything more to say.
+    """
+
+    def __init__(self, clock: BenchClock) -> None:
+        self._clock = clock
+        self._lock = threading.RLock()
+        self._selector = selectors.DefaultSelector()
+        self._links: set[_Link] = set()
+        self._listeners: list[socket.socket] = []
+        self._gone: list[Port] = []
+        self._due: list[tuple[float, int, _Link, bytes]] = []
+        self._order = itertools.count()
+        self._failure: BaseException | None = None
+        self._is_stopping = False
+        self._waker, self._wakes = socket.socketpair()
+        self._wakes.setblocking(False)
+        self._selector.register(self._wakes, selectors.EVENT_READ, lambda _: self._wakes.recv(4096))
+        self._thread = threading.Thread(target=self._run, name="simulated bench", daemon=True)
+
+    def listen(self, device: Device) -> int:
+        """Serve a device's clients at a free loopback port; returns its number."""
+        listener = socket.create_server(("127.0.0.1", 0), backlog=32)
+        listener.setblocking(False)
+        with self._lock:
+            self._listeners.append(listener)
+            self._selector.register(listener, selectors.EVENT_READ, lambda _: self._accept(listener, device))
+            self._wake()
+        return int(listener.getsockname()[1])
+
+    def open_pty(self, device: Device) -> str:
+        """Serve a device's clients at a pseudo-terminal; returns its path.
+
+        Raises
+        ------
+        OSError
+            If the system has none to give.
+        """
+        port = PtyPort()
+        with self._lock:
+            self._add(port, device)
+        return port.path
+
+    def start(self) -> None:
+        """Begin to serve."""
+        self._thread.start()
+
+    def stop(self) -> None:
+        """End the thread and close every port."""
+        self._is_stopping = True
+        if self._thread.is_alive():
+            self._wake()
+            self._thread.join()
+        with self._lock:
+            self._close_all()
+
+    def serve(self) -> None:
+        """Take everything that clients have sent, and answer what is due; raises what stops the bench."""
+        with self._lock:
+            self.raise_failure()
+            if self._is_stopping:
+                return
+            try:
+                self._serve()
+            except BaseException as failure:
+                self._failure = failure
+                self._wake()
+                raise
+
+    def raise_failure(self) -> None:
+        """Raise what has stopped the bench, if anything has.
+
+        Raises
+        ------
+        DeviceFaultError
+            With the error in the bench's own code as its cause.
+        """
+        if self._failure is not None:
+            raise DeviceFaultError(
+                "simulated bench",
+                f"it has stopped because of an error in its own code ({self._failure!r})",
+                not_done="nothing that was sent to a simulated device since then has been answered",
+                to_do="start the bench again, and report the error below if it comes back",
+            ) from self._failure
+
+    def _run(self) -> None:
+        try:
+            while not self._is_stopping and self._failure is None:
+                # another thread may serve meanwhile; what it has answered is simply no longer there
+                self._selector.select(self._real_s_until_due())
+                with self._lock:
+                    self._close_gone()
+                    self._serve()
+        except BaseException as failure:  # noqa: BLE001 - kept, and raised by whoever asks next
+            self._failure = failure
+        finally:
+            # a client that waits for a reply should see at once that none will come
+            with self._lock:
+                self._close_all()
+
+    def _real_s_until_due(self) -> float | None:
+        with self._lock:
+            return self._clock.real_s_until(self._due[0][0]) if self._due else None
+
+    def _serve(self) -> None:
+        while True:
+            while events := self._selector.select(0):
+                for key, mask in events:
+                    key.data(mask)
+            if not self._due or not self._clock.reach(self._due[0][0]):
+                return
+            now_s = self._clock.now()
+            while self._due and self._due[0][0] <= now_s:
+                _, _, link, reply = heapq.heappop(self._due)
+                link.scheduled_bytes -= len(reply)
+                link.unsent += reply
+                self._send(link)
+
+    def _accept(self, listener: socket.socket, device: Device) -> None:
+        try:
+            connection, _ = listener.accept()
+        except (BlockingIOError, ConnectionError):
+            # another thread was faster, or the client has gone again
+            return
+        self._add(SocketPort(connection), device)
+
+    def _add(self, port: Port, device: Device) -> None:
+        link = _Link(port, device.session())
+        self._links.add(link)
+        self._watch(link)
+
+    def _attend(self, link: _Link, mask: int) -> None:
+        if mask & selectors.EVENT_WRITE:
+            self._send(link)
+        if mask & link.watched & selectors.EVENT_READ:
+            self._receive(link)
+
+    def _receive(self, link: _Link) -> None:
+        data = link.port.read()
+        if data is None:
+            link.has_ended = True
+        else:
+            for due_s, reply in link.session.receive(data, self._clock.now()) if data else ():
+                heapq.heappush(self._due, (due_s, next(self._order), link, reply))
+                link.scheduled_bytes += len(reply)
+        self._watch(link)
+
+    def _send(self, link: _Link) -> None:
+        try:
+            del link.unsent[: link.port.write(bytes(link.unsent))]
+        except ConnectionError:
+            link.has_ended = True
+            link.unsent.clear()
+        self._watch(link)
+
+    def _watch(self, link: _Link) -> None:
+        """Wait for what the link wants now; close it when its client has ended and has been answered."""
+        if link not in self._links:
+            return
+        wanted = link.wanted
+        is_done = link.has_ended and not link.unsent and not link.scheduled_bytes
+        if wanted != link.watched:
+            if not link.watched:
+                self._selector.register(link.port, wanted, lambda mask: self._attend(link, mask))
+            elif not wanted:
+                self._selector.unregister(link.port)
+            else:
+                self._selector.modify(link.port, wanted, self._selector.get_key(link.port).data)
+            link.watched = wanted
+            self._wake()
+        if is_done:
+            self._links.remove(link)
+            self._gone.append(link.port)
+            self._wake()
+
+    def _wake(self) -> None:
+        """Let the thread look again; nothing to do when it is this one that runs."""
+        if threading.current_thread() is not self._thread:
+            self._waker.send(b"\0")
+
+    def _close_gone(self) -> None:
+        """Close ports only in the thread that selects: some systems fail when a port is closed meanwhile."""
+        while self._gone:
+            self._gone.pop().close()
+
+    def _close_all(self) -> None:
+        self._gone += (link.port for link in self._links)
+        self._links.clear()
+        self._close_gone()
+        for listener in (*self._listeners, self._wakes, self._waker):
+            listener.close()
+        self._selector.close()

@@ -1,0 +1,105 @@
+"""The diffuse and directional lobes as eqs. (8) and (10) print them, and what may not be asked for."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from model.geometry import directions
+from model.lobes import Diffuse, Directional, Specular
+from model.mueller import depolarizer, dolp
+from model.surface import Surface
+from model.vgroove import masking
+
+
+def test_the_diffuse_lobe_is_eq_8() -> None:
+    sigma, ti, tr, phi = 0.25, 0.6, 0.9, 2.5
+    c1, c2 = 0.8532 * sigma**-0.095, 0.3595 * sigma**1.785
+    bracket = c1 + c2 * np.tan(ti) * np.tan(tr) * np.cos(phi)
+    expected = 0.3 / np.pi * masking(directions(ti, tr, phi)) * bracket * depolarizer()
+    assert_allclose(Surface([Diffuse(0.3, sigma)]).mueller(ti, tr, phi), expected, rtol=1e-13)
+
+
+def test_facets_make_the_diffuse_lobe_brighter_towards_the_source() -> None:
+    # phi is counted between source and detector: cos phi > 0 is the source side, where Lambertian facets face both.
+    surface = Surface([Diffuse(1.0, 0.4)])
+    towards_source, towards_mirror = (
+        surface.stokes(1.0, 1.0, phi)[0] / masking(directions(1.0, 1.0, phi)) for phi in (0.0, np.pi)
+    )
+    assert towards_source > towards_mirror
+
+
+def test_the_diffuse_lobe_is_zero_where_the_printed_bracket_is_negative() -> None:
+    sigma, angle = 0.5, np.radians(75.0)
+    assert 0.8532 * sigma**-0.095 < 0.3595 * sigma**1.785 * np.tan(angle) ** 2
+    assert Surface([Diffuse(1.0, sigma)]).stokes(angle, angle, np.pi)[0] == 0.0
+
+
+def test_the_directional_lobe_is_eq_10() -> None:
+    # The exponent is the printed tan, not tan²; the prefactor sqrt(2 pi) sigma of (10), not sqrt(2 pi sigma) of (11).
+    sigma, ti, tr = 0.4, 0.6, 0.2
+    f = Surface([Directional(0.05, sigma, 1.5 + 0j)]).mueller(ti, tr, np.pi)
+    specular = Surface([Specular(1.0, sigma, 1.5 + 0j)]).mueller(ti, tr, np.pi)
+    size = 0.05 * np.exp(-2.0 * np.tan(tr) / sigma**2) / (np.sqrt(2.0 * np.pi) * sigma)
+    assert_allclose(f / f[0, 0], specular / specular[0, 0], rtol=0.0, atol=1e-14)
+    c = np.cos(0.4)
+    w = np.sqrt(1.5**2 - 1.0 + c**2)
+    mean_reflectance = (((c - w) / (c + w)) ** 2 + ((1.5**2 * c - w) / (1.5**2 * c + w)) ** 2) / 2.0
+    assert_allclose(f[0, 0], size * mean_reflectance, rtol=1e-13)
+
+
+def test_lobes_add_up() -> None:
+    lobes = [Specular(0.7, 0.2, 1.5 + 0j), Diffuse(0.1, 0.2), Directional(0.05, 0.2, 1.5 + 0j)]
+    at = (1.0, np.radians([0.0, 20.0, 70.0]), np.pi)
+    together = Surface(lobes).mueller(*at)
+    assert_allclose(together, sum(Surface([lobe]).mueller(*at) for lobe in lobes), rtol=1e-14, atol=1e-16)
+
+
+def test_degree_of_polarization_comes_from_the_summed_stokes_vector() -> None:
+    # The square printed in eq. (13) drops a cross term between the lobes.
+    specular, directional = Specular(0.7, 0.4, 1.5 + 0j), Directional(0.5, 0.4, 1.5 + 0j)
+    at = (1.0, 0.05, 2.5)
+    parts = [Surface([lobe]).stokes(*at) for lobe in (specular, directional)]
+    total = Surface([specular, directional]).stokes(*at)
+    expected = np.hypot(parts[0][1] + parts[1][1], parts[0][2] + parts[1][2]) / (parts[0][0] + parts[1][0])
+    assert_allclose(dolp(total), expected, rtol=1e-14)
+    assert np.isnan(dolp([0.0, 0.0, 0.0]))
+
+
+def test_shapes_broadcast() -> None:
+    surface = Surface([Specular(0.7, 0.2, 1.5 + 0j), Diffuse(0.1, 0.2), Directional(0.05, 0.2, 1.5 + 0j)])
+    exits, azimuths = np.zeros((5, 1)), np.zeros(3)
+    assert surface.mueller(0.5, exits, azimuths).shape == (5, 3, 4, 4)
+    assert surface.stokes(0.5, exits, azimuths).shape == (5, 3, 4)
+    assert surface.stokes(0.5, exits, azimuths, np.ones((5, 3, 4))).shape == (5, 3, 4)
+    assert surface.stokes(0.5, 0.5, 0.5).shape == (4,)
+
+
+def test_describe_says_what_is_in_and_what_is_left_out() -> None:
+    text = Surface([Specular(0.7, 0.1764, 2.95 + 2.932j)]).describe()
+    assert "rho_s = 0.7" in text
+    assert "2.95 + 2.932i" in text
+    assert "twice or more" in text
+    assert "caustic" in text
+    assert "Left out because not asked for: diffuse, directional diffuse lobe." in text
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: Specular(-0.1, 0.2, 1.5 + 0j), "rho_s is -0.1"),
+        (lambda: Diffuse(np.nan, 0.2), "rho_d is nan"),
+        (lambda: Directional(np.inf, 0.2, 1.5 + 0j), "rho_dd is inf"),
+        (lambda: Specular(0.1, 0.0, 1.5 + 0j), "sigma is 0.0"),
+        (lambda: Specular(0.1, 0.2, 0j), "n above 0"),
+        (lambda: Surface([]), "at least one lobe"),
+        (lambda: Surface([Diffuse(1.0, 0.2)]).mueller(-0.1, 0.0, 0.0), r"incidence_rad holds -0.1 rad.*0 to pi/2"),
+        (lambda: Surface([Diffuse(1.0, 0.2)]).stokes(0.1, [0.5, 60.0], 0.0), r"exit_rad holds 60 rad.*0 to pi/2"),
+        (lambda: Surface([Diffuse(1.0, 0.2)]).stokes(0.1, 0.5, np.nan), "azimuth_rad holds nan"),
+        (lambda: Surface([Diffuse(1.0, 0.2)]).stokes(0.1, 0.5, 0.0, [1.0, 0.0, 0.0]), r"shape \(3,\).*four elements"),
+    ],
+)
+def test_what_cannot_be_is_refused(make, message) -> None:
+    with pytest.raises(ValueError, match=message):
+        make()

@@ -1,0 +1,99 @@
+"""The simulated filter wheel echoes, prompts and turns as its fact sheet says."""
+
+import pytest
+from numpy.testing import assert_allclose
+
+from sim_devices.thorlabs_fw102c import ThorlabsFw102c
+from sim_devices.wheel import Wheel
+
+
+@pytest.fixture
+def wheel():
+    return Wheel()
+
+
+@pytest.fixture
+def device(wheel):
+    return ThorlabsFw102c(wheel, range(1, 7))
+
+
+@pytest.fixture
+def fw(device):
+    return device.session()
+
+
+UNKNOWN, INVALID = b"Command error CMD_NOT_DEFINED\r", b"Command error CMD_ARG_INVALID\r"
+
+
+@pytest.mark.parametrize(
+    ("command", "answer"),
+    [
+        (b"*idn?\r", b"*idn?\rTHORLABS FW102C/FW212C Filter Wheel version 1.07\r> "),
+        (b"pos?\r", b"pos?\r1\r> "),
+        (b"pcount?\r", b"pcount?\r6\r> "),
+        (b"speed?\r", b"speed?\r1\r> "),
+        (b"speed=0\rspeed?\r", b"speed=0\r> speed?\r0\r> "),
+        (b"speed=1\r", b"speed=1\r> "),
+        (b"trig=1\rtrig?\r", b"trig=1\r> trig?\r1\r> "),
+        (b"sensors=1\rsensors?\r", b"sensors=1\r> sensors?\r1\r> "),
+        (b"baud=0\rbaud?\r", b"baud=0\r> baud?\r0\r> "),
+        (b"pcount=12\rpcount?\r", b"pcount=12\r> pcount?\r12\r> "),
+        (b"save\r", b"save\r> "),
+        (b"foo\r", b"foo\r" + UNKNOWN + b"> "),
+        (b"POS?\r", b"POS?\r" + UNKNOWN + b"> "),
+        (b"pos ?\r", b"pos ?\r" + UNKNOWN + b"> "),
+        (b"\r", b"\r" + UNKNOWN + b"> "),
+        (b"\0\0pos?\r\n", b"pos?\r1\r> "),
+        (b"pos=7\r", b"pos=7\r" + INVALID + b"> "),
+        (b"pos=0\r", b"pos=0\r" + INVALID + b"> "),
+        (b"pos=\r", b"pos=\r" + INVALID + b"> "),
+        (b"pos=two\r", b"pos=two\r" + INVALID + b"> "),
+        (b"pos=-1\r", b"pos=-1\r" + INVALID + b"> "),
+        (b"pcount=8\r", b"pcount=8\r" + INVALID + b"> "),
+        (b"speed=2\r", b"speed=2\r" + INVALID + b"> "),
+        (b"pos=3\rpos?\r", b"pos=3\r> pos?\r3\r> "),
+        (b"\x1b[Apos?\r", b"pos?\r2\r> "),
+        (b"\x1b[Bpos?\r", b"pos?\r6\r> "),
+        (b"\x1bxpos?\r", b"pos?\r1\r> "),
+    ],
+)
+def test_commands_are_echoed_answered_and_prompted(fw, feed, command, answer):
+    trailing = b"" if command.startswith(b"\x1b") else b"po"
+    replied = b"".join(text for _, text in feed(fw, command, trailing=trailing))
+    assert replied in (answer, answer + trailing)
+
+
+def test_characters_are_echoed_before_the_command_ends(fw):
+    assert fw.receive(b"po", 1.0) == [(1.0, b"po")]
+
+
+@pytest.mark.parametrize(("slot", "steps"), [(1, 0), (2, 1), (3, 2), (4, 3), (5, 2), (6, 1)])
+@pytest.mark.parametrize(("speed", "slot_s"), [(1, 0.5), (0, 2.0)])
+def test_the_echo_comes_at_once_and_the_prompt_on_arrival(fw, wheel, slot, steps, speed, slot_s):
+    fw.receive(b"speed=%d\r" % speed, 0.0)
+    replies = fw.receive(b"pos=%d\r" % slot, 10.0)
+    assert replies[0][0] == 10.0
+    assert_allclose(replies[-1][0], 10.0 + steps * slot_s)
+    assert b"".join(text for _, text in replies) == b"pos=%d\r> " % slot
+    assert wheel.slot(10.0 + steps * slot_s) == slot
+    assert steps == 0 or wheel.slot(10.0 + steps * slot_s - 0.01) is None
+
+
+def test_what_arrives_during_a_turn_is_taken_on_arrival(device, fw, wheel):
+    fw.receive(b"pos=3\r", 0.0)
+    assert device.session().receive(b"pos?\r", 0.4) == [(1.0, b"pos?\r3\r> ")]
+    assert fw.receive(b"pos=5\r", 0.5) == [(1.0, b"pos=5\r"), (2.0, b"> ")]
+    assert [wheel.slot(time_s) for time_s in (0.9, 1.0, 1.5, 2.0)] == [None, 3, None, 5]
+
+
+def test_a_twelve_slot_wheel_turns_the_shorter_way(ask):
+    fw = ThorlabsFw102c(Wheel(), range(1, 13)).session()
+    assert fw.receive(b"pos=11\r", 0.0)[-1][0] == 1.0
+    assert ask(fw, b"pcount=6\r", 5.0) == b"pcount=6\r" + INVALID + b"> "
+
+
+def test_a_command_without_end_fills_no_memory(fw, ask):
+    for _ in range(100):
+        ask(fw, b"x" * 1000)
+    assert len(fw._typed) < 100
+    assert ask(fw, b"\r") == b"\r" + UNKNOWN + b"> "

@@ -1,0 +1,164 @@
+"""The light at the detector follows its formula, and the detector's effects do what they say and no more."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from numpy.testing import assert_allclose
+
+from model.lobes import Diffuse, Directional, Specular
+from model.surface import Surface
+from sim_devices import effects
+from sim_devices.world import World
+
+FAST = {"velocity_deg_s": 1e3, "acceleration_deg_s2": 1e4, "deceleration_deg_s2": 1e4}
+DARK = {"effect": "dark_current", "power_w": 2e-10}
+SHOT = {"effect": "shot_noise"}
+READ = {"effect": "read_noise", "power_w": 2e-9}
+DIGITS = {"effect": "quantisation", "digits": 4}
+
+
+def aimed(world, incidence_deg, exit_deg, slot):
+    """Turn the bench to a geometry; it rests there at 100 s."""
+    world.axes["source_arm"].move(incidence_deg, 0.0, **FAST)
+    world.axes["detector_arm"].move(exit_deg, 0.0, **FAST)
+    world.wheel.turn(slot, 0.0, slots=6, slot_s=0.5)
+    return world
+
+
+def expected_w(incidence_deg, exit_deg, slot):
+    index = 2.950 + 2.932j
+    surface = Surface([Specular(0.7, 0.1764, index), Diffuse(0.1, 0.1764), Directional(0.05, 0.1764, index)])
+    azimuth_rad = math.pi if exit_deg >= 0 else 0.0
+    s0, s1, s2, _ = surface.stokes(math.radians(incidence_deg), math.radians(abs(exit_deg)), azimuth_rad)
+    angles_deg = {2: 0, 3: 45, 4: 90, 5: 135}
+    if slot == 6:
+        return 0.0
+    seen = s0
+    if slot in angles_deg:
+        psi = math.radians(angles_deg[slot])
+        seen = (s0 + math.cos(2 * psi) * s1 + math.sin(2 * psi) * s2) / 2
+    return 1e-3 * 1e-3 * math.cos(math.radians(exit_deg)) * seen
+
+
+@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(st.integers(0, 1798), st.integers(-1798, 1798), st.integers(1, 6))
+def test_power_is_the_lamp_seen_through_surface_acceptance_and_analyzer(scene_with, incidence, exit_, slot):
+    incidence_deg, exit_deg = incidence / 20, exit_ / 20
+    world = aimed(World(scene_with()), incidence_deg, exit_deg, slot)
+    assert_allclose(world.power_w(100.0), expected_w(incidence_deg, exit_deg, slot), rtol=1e-9, atol=1e-25)
+
+
+def test_s_polarized_light_is_what_the_zero_degree_slot_passes(scene_with):
+    through_s = aimed(World(scene_with()), 60, 60, 2).power_w(100.0)
+    through_p = aimed(World(scene_with()), 60, 60, 4).power_w(100.0)
+    assert through_s > 1.5 * through_p
+
+
+def test_light_from_the_other_side_is_the_mirror_image(scene_with):
+    one = aimed(World(scene_with()), 40, 25, 3).power_w(100.0)
+    other = aimed(World(scene_with()), -40, -25, 3).power_w(100.0)
+    assert_allclose(other, one, rtol=1e-12)
+
+
+@pytest.mark.parametrize(("incidence_deg", "exit_deg"), [(90, 10), (10, 90), (10, -95), (120, 0)])
+def test_below_the_horizon_it_is_dark(scene_with, incidence_deg, exit_deg):
+    assert aimed(World(scene_with()), incidence_deg, exit_deg, 1).power_w(100.0) == 0
+
+
+def test_no_light_passes_while_the_wheel_turns(scene_with):
+    world = World(scene_with())
+    world.wheel.turn(2, 10.0, slots=6, slot_s=0.5)
+    assert world.power_w(9.99) > 0
+    assert world.power_w(10.25) == 0
+    assert world.power_w(10.5) > 0
+
+
+def test_a_lobe_of_no_weight_is_not_part_of_the_surface(scene_with):
+    sample = {"material": "Fe", "sigma": 0.2, "rho_s": 0, "rho_d": 0.3, "rho_dd": 0}
+    world = aimed(World(scene_with(sample=sample)), 50, 20, 2)
+    whole = aimed(World(scene_with(sample=sample)), 50, 20, 1)
+    assert_allclose(world.power_w(100.0), whole.power_w(100.0) / 2, rtol=1e-12)
+
+
+def readings(scene, count, exposure_s=0.03):
+    world = World(scene)
+    return np.array([world.measure_w(100.0, exposure_s) for _ in range(count)])
+
+
+def test_without_effects_a_reading_is_the_power_to_the_last_bit(scene_with):
+    world = World(scene_with())
+    assert world.measure_w(100.0, 0.003) == world.power_w(100.0)
+
+
+def test_dark_current_adds(scene_with):
+    dark, clear = readings(scene_with(effects=[DARK]), 1), readings(scene_with(), 1)
+    assert_allclose(dark - clear, 2e-10, rtol=1e-6)
+
+
+@pytest.mark.parametrize("exposure_s", [0.003, 0.3])
+def test_shot_noise_is_that_of_counted_photons(scene_with, exposure_s):
+    power_w = readings(scene_with(), 1)[0]
+    noisy = readings(scene_with(effects=[SHOT]), 2000, exposure_s)
+    photon_j = 6.62607015e-34 * 299792458 / 550e-9
+    expected = math.sqrt(power_w * photon_j / exposure_s)
+    assert_allclose(noisy.std(), expected, rtol=0.06)
+    assert_allclose(noisy.mean(), power_w, atol=4 * expected / math.sqrt(2000))
+
+
+def test_few_photons_are_whole_photons():
+    photon_w = 1e-19 / 0.01
+    counted = [effects.shot_noise(1e-19)(3 * photon_w, effects.Measurement(1, n, 0.01)) / photon_w for n in range(200)]
+    assert_allclose(counted, np.round(counted), atol=1e-9)
+    assert 2 < np.mean(counted) < 4
+
+
+@pytest.mark.parametrize("exposure_s", [0.003, 0.3])
+def test_read_noise_falls_with_the_root_of_the_samples(scene_with, exposure_s):
+    noisy = readings(scene_with(effects=[READ]), 2000, exposure_s)
+    assert_allclose(noisy.std(), 2e-9 * math.sqrt(0.003 / exposure_s), rtol=0.06)
+
+
+def test_quantisation_keeps_its_digits(scene_with):
+    exact, rounded = readings(scene_with(), 1)[0], readings(scene_with(effects=[DIGITS]), 1)[0]
+    assert rounded == float(f"{exact:.3e}")
+    assert rounded != exact
+
+
+def test_effects_act_in_the_order_of_light_and_electrons_whatever_the_file_says(scene_with):
+    forward = readings(scene_with(effects=[DARK, SHOT, READ, DIGITS]), 5)
+    backward = readings(scene_with(effects=[DIGITS, READ, SHOT, DARK]), 5)
+    assert np.array_equal(forward, backward)
+
+
+def test_an_effect_that_is_not_named_is_never_built_nor_called(scene_with, monkeypatch):
+    def refuse(*_):
+        raise AssertionError("an effect that the scene does not name has run")
+
+    for absent in ("shot_noise", "read_noise", "quantisation"):
+        monkeypatch.setattr(effects, absent, refuse)
+    monkeypatch.setattr(np.random, "default_rng", refuse)
+    readings(scene_with(effects=[DARK]), 3)
+
+
+def test_the_world_says_which_effects_it_has(scene_with):
+    text = World(scene_with(effects=[SHOT, DARK])).describe()
+    assert "dark_current, shot_noise." in text
+    assert text.endswith("read_noise, quantisation.")
+
+
+def test_same_seed_same_readings_and_another_seed_others(scene_with):
+    noise = [SHOT, READ]
+    one, again = readings(scene_with(effects=noise), 20), readings(scene_with(effects=noise), 20)
+    other = readings(scene_with(effects=noise, seed=2), 20)
+    assert np.array_equal(one, again)
+    assert not np.any(one == other)
+
+
+def test_the_noise_of_a_measurement_depends_on_its_number_only(scene_with):
+    world = World(scene_with(effects=[READ]))
+    world.measure_w(0.0, 0.3)
+    second = world.measure_w(7.0, 0.003)
+    assert second == readings(scene_with(effects=[READ]), 2, 0.003)[1]

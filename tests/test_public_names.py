@@ -1,0 +1,27 @@
+"""What `import goniometer` promises, and what it costs."""
+
+import subprocess
+import sys
+
+import pytest
+
+import goniometer
+
+
+@pytest.mark.parametrize("name", [name for name in goniometer.__all__ if name != "__version__"])
+def test_public_names_are_callable_whatever_was_imported_before(name):
+    import goniometer.cli
+    import goniometer.run_recipe  # noqa: F401 (a module of a public name's own name would hide it)
+
+    assert callable(getattr(goniometer, name))
+
+
+def test_an_unknown_name_is_an_attribute_error():
+    with pytest.raises(AttributeError, match="no attribute 'sureface'"):
+        _ = goniometer.sureface
+
+
+def test_import_loads_nothing_heavy():
+    code = "import sys, goniometer, goniometer.cli; print([m for m in ('numpy', 'scipy', 'cv2', 'matplotlib') if m in sys.modules])"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"
