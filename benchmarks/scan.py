@@ -15,8 +15,12 @@ import goniometer
 from acquisition.engine import Bench, Engine
 from acquisition.events import FitUpdated, ScanEnded
 from acquisition.journal import Journal
+from acquisition.fit_points import stokes_data, surface_family
+from goniometer.assembly import connected
+from goniometer.bench import served_ports, simulate
 from goniometer.load_files import load_recipe
 from goniometer.planning import plan
+from model.fit import fit
 
 ROOT = Path(__file__).resolve().parent.parent
 RECIPE = ROOT / "recipes" / "iron_60deg.yaml"
@@ -88,6 +92,33 @@ def whole_scan(live_fit, speed):
     return {"scan_s": end - start, "total_s": total_s, "bench_s": event.bench_duration_s, "readings": event.readings, "fits": len(fits)}
 
 
+def round_trips_a_second(count=5000):
+    """Questions that a driver asks the served ESP301 a second, each answered before the next."""
+    setup = load_recipe(RECIPE)
+    with (
+        simulate(setup.scene, "max") as bench,
+        connected(setup.rig, served_ports(setup.rig, bench), bench.clock, setup.recipe.wavelength_nm) as devices,
+    ):
+        start = time.perf_counter()
+        for _ in range(count):
+            devices.source_arm.position_deg()
+        return count / (time.perf_counter() - start)
+
+
+def live_fit_update_ms():
+    """Wall milliseconds of each warm refit as the points of a whole scan come in."""
+    with tempfile.TemporaryDirectory() as folder:
+        stored = goniometer.run(RECIPE, out=folder, speed="max", live_fit=False)
+    family, last, times_ms = surface_family(stored.recipe.fit), None, []
+    for count in range(20, len(stored.points) + 1):
+        start = time.perf_counter()
+        data = stokes_data(stored.points[:count])
+        values = last and {name: estimate.value for name, estimate in last.parameters.items()}
+        last = fit(data, family, start=values)
+        times_ms.append(1e3 * (time.perf_counter() - start))
+    return sorted(times_ms[1:])
+
+
 def engine_alone():
     """CPU and wall milliseconds a reading of the engine with its durable journal, on devices in memory."""
     setup = load_recipe(RECIPE)
@@ -114,6 +145,9 @@ def main():
             f"{best(runs, 'total_s'):.2f} s; {runs[0]['bench_s']:.0f} virtual s, "
             f"{runs[0]['bench_s'] / best(runs, 'scan_s'):.0f} virtual s a second; {runs[0]['fits']} live fits shown"
         )
+    print(f"  {round_trips_a_second():.0f} round trips a second between driver and simulated device")
+    times_ms = live_fit_update_ms()
+    print(f"  live-fit update: median {statistics.median(times_ms):.1f} ms, 95th percentile {times_ms[int(0.95 * len(times_ms))]:.1f} ms")
     ratios = []
     for _ in range(3):
         with_fit, without = whole_scan(True, 40.0), whole_scan(False, 40.0)

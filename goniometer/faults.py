@@ -146,6 +146,8 @@ def _meant_place(refusal: _Refusal) -> KeyPath:
 def _nearest_key(key: str, known: list[str]) -> tuple[str, str]:
     """The known key that was probably meant, and its unit when the unit is what is wrong; empty when none is near."""
     key = key.lower()
+    if key in known:
+        return key, ""
     for candidate in known:
         unit = _UNIT.search(candidate)
         if unit and _UNIT.sub("", candidate) == _UNIT.sub("", key):

@@ -122,25 +122,22 @@ def _parse(path: Path, text: str) -> YamlFile:
         loader = _Loader(text)
         root = loader.get_node() if loader.check_node() else None
         if root is not None and loader.check_node():
-            second = loader.get_mark()
-            reading.faults.append(Fault(name, second.line + 1, _SECOND_DOCUMENT))
+            second: Any = loader.peek_event()  # type: ignore[no-untyped-call]
+            what = "a second document begins here ('---'). Write one document a file"
+            reading.faults.append(Fault(name, second.start_mark.line + 1, what))
     except yaml.MarkedYAMLError as error:
-        return YamlFile(path, text, faults=(Fault(name, *explain_syntax(error, text)),))
+        return YamlFile(path, text, faults=(Fault(name, *explain_syntax(error)),))
     except yaml.reader.ReaderError as error:
         return YamlFile(path, text, faults=(Fault(name, *explain_character(error, text)),))
     if root is None or root.tag == "tag:yaml.org,2002:null":
-        return YamlFile(
-            path, text, faults=(Fault(name, 1, "is empty. Write keys and values, for example 'rig: name'"),)
-        )
+        what = "is empty. Write keys and values, for example 'rig: name'"
+        return YamlFile(path, text, faults=(Fault(name, 1, what),))
     if not isinstance(root, yaml.MappingNode):
         what = "does not begin with a key. Write keys and values, for example 'rig: name'"
         return YamlFile(path, text, faults=(Fault(name, root.start_mark.line + 1, what),))
     reading.lines[()] = root.start_mark.line + 1
     data = reading.mapping(root, ())
     return YamlFile(path, text, data, reading.lines, tuple(reading.faults), frozenset(reading.unread))
-
-
-_SECOND_DOCUMENT = "a second document begins here ('---'). Write one document a file"
 
 
 class _Loader(yaml.SafeLoader):

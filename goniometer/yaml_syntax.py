@@ -36,16 +36,8 @@ def lines_indented_with_tabs(text: str) -> Iterator[tuple[int, str]]:
             yield number, _TAB
 
 
-def explain_syntax(error: yaml.MarkedYAMLError, text: str) -> tuple[int, str]:
-    """Line and plain words of a syntax error.
-
-    Parameters
-    ----------
-    error : yaml.MarkedYAMLError
-        As raised by PyYAML.
-    text : str
-        The file's text.
-    """
+def explain_syntax(error: yaml.MarkedYAMLError) -> tuple[int, str]:
+    """Line and plain words of a syntax error that PyYAML raised."""
     mark = error.problem_mark or error.context_mark
     problem = error.problem or error.context or "this is not YAML"
     if "cannot start any token" in problem:

@@ -54,12 +54,16 @@ class ControlServer:
                 return now_s, {"scene": self._scene_text, "speed": self._bench.clock.speed, "now_s": now_s}
             case {"request": "now"}:
                 return now_s, {"now_s": now_s}
-            case {"request": "sleep", "duration_s": int() | float() as duration_s} if 0 <= duration_s < math.inf:
+            case {"request": "sleep", "duration_s": duration_s} if _is_duration(duration_s):
                 return now_s + duration_s, {"now_s": now_s + duration_s}
             case _:
                 return now_s, {
                     "error": f"{line!r} is no request. Ask for hello, for now, or for sleep with duration_s."
                 }
+
+
+def _is_duration(value: object) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool) and 0 <= value < math.inf
 
 
 class _Session:

@@ -133,8 +133,8 @@ class Reactor:
                 # another thread may serve meanwhile; what it has answered is simply no longer there
                 self._selector.select(self._real_s_until_due())
                 with self._lock:
-                    self._close_gone()
                     self._serve()
+                    self._close_gone()
         except BaseException as failure:  # noqa: BLE001 - kept, and raised by whoever asks next
             self._failure = failure
         finally:
@@ -158,7 +158,9 @@ class Reactor:
                 _, _, link, reply = heapq.heappop(self._due)
                 link.scheduled_bytes -= len(reply)
                 link.unsent += reply
-                self._send(link)
+                # a client that is behind is sent more once it has read
+                if not link.watched & selectors.EVENT_WRITE:
+                    self._send(link)
 
     def _accept(self, listener: socket.socket, device: Device) -> None:
         try:

@@ -290,4 +290,4 @@ class _Session:
 
     def receive(self, data: bytes, now_s: float) -> Replies:
         """Run every line that is complete."""
-        return [reply for line in self._lines.feed(data) for reply in self._meter.execute(line.strip(), now_s)]
+        return [reply for line in self._lines.feed(data) for reply in self._meter.execute(line, now_s)]

@@ -9,7 +9,7 @@ T = TypeVar("T")
 
 
 class Timeline(Generic[T]):
-    """Stretches in order of their start; the last may start in the future, when a device queues its commands.
+    """Stretches in the order they were asked for; they may start in the future, when a device queues its commands.
 
     Only the newest 64 stretches are kept, far more than any device here queues.
 
@@ -23,9 +23,7 @@ class Timeline(Generic[T]):
         self._stretches: deque[tuple[float, T]] = deque([(float("-inf"), first)], maxlen=64)
 
     def add(self, start_s: float, stretch: T) -> None:
-        """Let `stretch` hold from `start_s`; whatever was to start at that time or later is dropped."""
-        while len(self._stretches) > 1 and self._stretches[-1][0] >= start_s:
-            self._stretches.pop()
+        """Let `stretch` hold from `start_s`, whatever was to start at that time or later."""
         self._stretches.append((start_s, stretch))
 
     def at(self, time_s: float) -> T:

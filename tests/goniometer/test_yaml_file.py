@@ -172,6 +172,7 @@ def test_a_file_that_is_no_yaml_of_keys_and_values(read, content: bytes, fault: 
 def test_a_byte_order_mark_and_windows_line_ends_are_read(read) -> None:
     file = read(b"\xef\xbb\xbfa: 1\r\nb: 2\r\n")
     assert (file.data, faults(file), file.lines["b",]) == ({"a": 1, "b": 2}, [], 2)
+    assert file.text.startswith("a: 1")
 
 
 def test_every_duplicate_is_named_and_the_first_value_kept(read) -> None:

@@ -9,6 +9,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from goniometer.errors import FitError
+from model import materials
 from model.fit import FitResult, StokesData, SurfaceFamily, fit
 from model.geometry import in_plane
 
@@ -99,6 +100,20 @@ def test_a_warm_start_and_the_genetic_search_end_where_sobol_does(sample: str) -
     for other in (fit(data, family, start=nearby), fit(data, family, search="genetic"), fit(data, family, seed=5)):
         distance = (np.array(list(values(other).values())) - list(values(cold).values())) / scale
         assert np.abs(distance).max() < 1e-4
+
+
+@pytest.mark.parametrize("name", ["Fe", "Cr", "Cu", "Au", "Al"])
+def test_finds_every_metal_in_wide_bounds(name: str) -> None:
+    # n and k trade off along a curved valley: a search from one poor start ends in the wrong place.
+    family = SurfaceFamily(LOBES, {"sigma": (0.02, 1.0), "n": (0.1, 6.0), "k": (0.0, 8.0)})
+    index = materials.index(name, 550)
+    truth = {"sigma": 0.3, "n": index.real, "k": index.imag, **WEIGHTS}
+    exit_rad, azimuth_rad = in_plane(np.radians(EVERY_DEGREE))
+    incidence_rad = np.full(len(EVERY_DEGREE), np.radians(60.0))
+    stokes = family.surface(truth).stokes(incidence_rad, exit_rad, azimuth_rad)[:, :3]
+    covariance = 1e-10 * np.broadcast_to(np.eye(3), (len(EVERY_DEGREE), 3, 3))
+    result = fit(StokesData(incidence_rad, exit_rad, azimuth_rad, stokes, covariance), family)
+    assert_allclose(list(values(result).values()), list(truth.values()), rtol=1e-8)
 
 
 def test_standard_errors_are_those_of_the_linearised_problem() -> None:

@@ -14,7 +14,8 @@ from model.vgroove import masking
 
 
 def test_the_diffuse_lobe_is_eq_8() -> None:
-    sigma, ti, tr, phi = 0.25, 0.6, 0.9, 2.5
+    sigma, ti, tr, phi = 0.25, 0.9, 1.2, 0.8
+    assert masking(directions(ti, tr, phi)) < 0.9
     c1, c2 = 0.8532 * sigma**-0.095, 0.3595 * sigma**1.785
     bracket = c1 + c2 * np.tan(ti) * np.tan(tr) * np.cos(phi)
     expected = 0.3 / np.pi * masking(directions(ti, tr, phi)) * bracket * depolarizer()

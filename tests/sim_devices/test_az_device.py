@@ -233,6 +233,17 @@ def test_inputs_are_levels_and_their_rise_starts(host):
     assert host.read(ONE_SHOT, 50.0) == 0
 
 
+def test_a_single_register_sets_half_an_item(host, drive, ask):
+    host.move(7, 0, 0.0)
+    ask(drive.session(), bytes.fromhex("01 06 00 7D 00 20 18 0A"), 5.0)
+    assert host.has(IN_POS, 5.3)
+    ask(drive.session(), bytes.fromhex("01 06 00 7D 00 10 18 1E"), 6.0)
+    assert host.read(POSITION, 20.0) == 0
+    ask(drive.session(), framed("01 06 18 02 FF FF"))
+    ask(drive.session(), framed("01 06 18 03 FC 18"))
+    assert host.read(0x1802) == -1000
+
+
 def test_stored_operations_start_by_their_number(host):
     host.write(0x1800 + 64 * 5, 1, 700, 2000, 10_000, 10_000, 1000)
     host.write(INPUT, 5 | START, now_s=1.0)

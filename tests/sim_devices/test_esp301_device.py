@@ -173,6 +173,14 @@ def test_a_move_takes_the_time_of_its_trapezoid(esp, ask, source):
     assert source.position_deg(103.375) == 30.0
 
 
+def test_positions_count_from_where_they_were_defined(esp, ask, source):
+    ask(esp, b"1MO;1DH5;1PA12\r")
+    assert ask(esp, b"1TP;1PA?;1DP?\r", 5.0) == b"12.000000\r\n" * 3
+    assert_allclose(source.position_deg(5.0), 7.0)
+    ask(esp, b"1PR-2\r", 6.0)
+    assert_allclose(source.position_deg(9.0), 5.0)
+
+
 def test_velocity_is_told_with_its_sign(esp, ask):
     ask(esp, b"1MO;1PA-60\r")
     assert ask(esp, b"1TV\r", 1.0) == b"-20.000000\r\n"

@@ -11,7 +11,7 @@ from numpy.testing import assert_allclose
 from model.lobes import Diffuse, Directional, Specular
 from model.surface import Surface
 from sim_devices import effects
-from sim_devices.world import World
+from sim_devices.world import World, analyzer_row
 
 FAST = {"velocity_deg_s": 1e3, "acceleration_deg_s2": 1e4, "deceleration_deg_s2": 1e4}
 DARK = {"effect": "dark_current", "power_w": 2e-10}
@@ -51,6 +51,14 @@ def test_power_is_the_lamp_seen_through_surface_acceptance_and_analyzer(scene_wi
     assert_allclose(world.power_w(100.0), expected_w(incidence_deg, exit_deg, slot), rtol=1e-9, atol=1e-25)
 
 
+@pytest.mark.parametrize("angle_deg", [0, 30, 45, 90, 135, -20])
+def test_an_analyzer_passes_light_along_its_axis_and_stops_light_across(angle_deg):
+    twice_rad = math.radians(2 * angle_deg)
+    along = np.array([1, math.cos(twice_rad), math.sin(twice_rad), 0])
+    assert_allclose(analyzer_row(angle_deg) @ along, 1)
+    assert_allclose(analyzer_row(angle_deg) @ (along * [1, -1, -1, 1]), 0, atol=1e-15)
+
+
 def test_s_polarized_light_is_what_the_zero_degree_slot_passes(scene_with):
     through_s = aimed(World(scene_with()), 60, 60, 2).power_w(100.0)
     through_p = aimed(World(scene_with()), 60, 60, 4).power_w(100.0)
@@ -74,6 +82,17 @@ def test_no_light_passes_while_the_wheel_turns(scene_with):
     assert world.power_w(9.99) > 0
     assert world.power_w(10.25) == 0
     assert world.power_w(10.5) > 0
+
+
+def test_a_reading_is_of_the_geometry_at_its_middle(scene_with):
+    world = World(scene_with())
+    world.wheel.turn(2, 10.0, slots=6, slot_s=0.5)
+    assert world.measure_w(10.3, 0.3) == 0
+    assert world.measure_w(10.3, 0.5) > 0
+    world.axes["detector_arm"].move(30, 20.0, velocity_deg_s=1, acceleration_deg_s2=1e3, deceleration_deg_s2=1e3)
+    moving = world.measure_w(35.0, 2.0)
+    assert moving == world.power_w(36.0)
+    assert len({moving, world.power_w(35.0), world.power_w(100.0)}) == 3
 
 
 def test_a_lobe_of_no_weight_is_not_part_of_the_surface(scene_with):

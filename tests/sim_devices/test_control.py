@@ -1,0 +1,115 @@
+"""Another process' clock follows the bench's."""
+
+import json
+import socket
+import time
+
+import pytest
+from numpy.testing import assert_allclose
+
+from goniometer.errors import NotConnectedError, ReplyError
+from sim_devices.bench import Address, Bench
+from sim_devices.clock import ScaledClock, VirtualClock
+from sim_devices.control import ControlServer, RemoteClock
+
+TEXT = "scene: ground iron # Δ\n"
+
+
+@pytest.fixture
+def bench(scene_with):
+    with Bench(scene_with(), VirtualClock()) as bench:
+        yield bench
+
+
+@pytest.fixture
+def remote():
+    clocks = []
+
+    def open_clock(address):
+        clocks.append(RemoteClock(address))
+        return clocks[-1]
+
+    yield open_clock
+    for clock in clocks:
+        clock.close()
+
+
+def test_a_remote_clock_passes_virtual_time_on_the_bench(bench, remote, connect):
+    clock = remote(ControlServer(bench, TEXT).address)
+    assert (clock.speed, clock.scene_text) == ("max", TEXT)
+    arms = connect(bench.addresses["arms"])
+    for target in range(1, 30):
+        arms.sendall(b"1MO;1PA%d\r" % target)
+        clock.sleep(10.0)
+        assert_allclose(bench.world.axes["source_arm"].position_deg(bench.clock.now()), target)
+    assert_allclose(clock.now(), bench.clock.now())
+    assert_allclose(bench.clock.now(), 290.0)
+
+
+def test_a_remote_clock_counts_scaled_time_itself(scene_with, remote, monkeypatch):
+    with Bench(scene_with(), ScaledClock(1000)) as bench:
+        clock = remote(ControlServer(bench, TEXT).address)
+        assert clock.speed == 1000
+        assert_allclose(clock.now(), bench.clock.now(), atol=300)
+        slept = []
+        monkeypatch.setattr(time, "sleep", slept.append)
+        clock.sleep(50.0)
+        assert slept == [0.05]
+
+
+@pytest.mark.parametrize(
+    ("line", "keys"),
+    [
+        (b'{"request": "hello"}', {"scene", "speed", "now_s"}),
+        (b'{"request": "now"}', {"now_s"}),
+        (b'{"request": "sleep", "duration_s": 2}', {"now_s"}),
+        (b'{"request": "sleep", "duration_s": -2}', {"error"}),
+        (b'{"request": "sleep", "duration_s": NaN}', {"error"}),
+        (b'{"request": "sleep", "duration_s": true}', {"error"}),
+        (b'{"request": "sleep"}', {"error"}),
+        (b'{"request": "tea"}', {"error"}),
+        (b"hello", {"error"}),
+        (b"[]", {"error"}),
+        (b"", {"error"}),
+    ],
+)
+def test_requests_are_answered_one_line_each(bench, connect, line, keys):
+    control = connect(Address(ControlServer(bench, TEXT).address, None))
+    control.sendall(line + b"\n")
+    with control.makefile("rb") as replies:
+        assert set(json.loads(replies.readline())) == keys
+
+
+def test_no_bench_at_the_address():
+    with socket.create_server(("127.0.0.1", 0)) as listener:
+        address = f"socket://127.0.0.1:{listener.getsockname()[1]}"
+    with pytest.raises(NotConnectedError, match="goniometer simulate"):
+        RemoteClock(address)
+
+
+@pytest.mark.parametrize("address", ["", "COM3", "socket://127.0.0.1", "socket://127.0.0.1:port"])
+def test_an_address_that_is_none(address):
+    with pytest.raises(NotConnectedError, match="cannot be reached"):
+        RemoteClock(address)
+
+
+def test_something_else_at_the_address(bench):
+    with pytest.raises(ReplyError, match="control address"):
+        RemoteClock(bench.listen(_Parrot()))
+
+
+class _Parrot:
+    def session(self):
+        return self
+
+    def receive(self, data, now_s):
+        return [(now_s, data)]
+
+
+def test_a_bench_that_has_gone(scene_with, remote):
+    bench = Bench(scene_with(), VirtualClock())
+    bench.start()
+    clock = remote(ControlServer(bench, TEXT).address)
+    bench.stop()
+    with pytest.raises(NotConnectedError, match="closed the connection"):
+        clock.now()
