@@ -75,7 +75,9 @@ def stopped_afterwards(bench: Bench, clock: Clock) -> Iterator[None]:
         yield
     except BaseException as error:
         if failures := bench.stop(clock):
-            raise BaseExceptionGroup("The scan failed and not every device could be stopped", [error, *failures]) from None
+            raise BaseExceptionGroup(
+                "The scan failed and not every device could be stopped", [error, *failures]
+            ) from None
         raise
     if failures := bench.stop(clock):
         raise ExceptionGroup("Not every device could be stopped", failures)

@@ -59,9 +59,7 @@ class Journal:
             connection.execute("PRAGMA synchronous=FULL")
             connection.executescript(_CREATE)
             with connection:
-                connection.executemany(
-                    "INSERT INTO about VALUES (?, ?)", [("format", _FORMAT), *sorted(about.items())]
-                )
+                connection.executemany("INSERT INTO about VALUES (?, ?)", [("format", _FORMAT), *sorted(about.items())])
         except sqlite3.Error as error:
             raise JournalError(f"{path} cannot be begun: {error}. No device was moved. Is the disk full?") from error
         return cls(connection, path)
@@ -76,7 +74,9 @@ class Journal:
             When there is no journal there, or it is not one of ours.
         """
         if not path.is_file():
-            raise JournalError(f"{path} does not exist. Name a run's folder, for example runs/2026-01-31T12-00-00-iron.")
+            raise JournalError(
+                f"{path} does not exist. Name a run's folder, for example runs/2026-01-31T12-00-00-iron."
+            )
         try:
             connection = sqlite3.connect(path, isolation_level=None)
             connection.execute("PRAGMA query_only=ON")
@@ -85,7 +85,9 @@ class Journal:
             raise JournalError(f"{path} cannot be read as a journal: {error}.") from error
         if stored != (_FORMAT,):
             connection.close()
-            raise JournalError(f"{path} has journal format {stored}; this version of goniometer reads format {_FORMAT}.")
+            raise JournalError(
+                f"{path} has journal format {stored}; this version of goniometer reads format {_FORMAT}."
+            )
         return cls(connection, path)
 
     def append(self, reading: Reading) -> None:

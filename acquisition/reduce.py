@@ -158,10 +158,7 @@ class Reduction:
         exit_deg = float(np.mean([reading.exit_deg for reading in signals]))
         level, level_variance = lamp.at(float(np.mean([reading.time_s for reading in signals])))
         scale_w = (
-            self._radiometry.beam_power_w
-            * self._radiometry.acceptance_sr
-            * math.cos(math.radians(exit_deg))
-            * level
+            self._radiometry.beam_power_w * self._radiometry.acceptance_sr * math.cos(math.radians(exit_deg)) * level
         )
         has_dark = len(signals) < len(readings)
         matrix = _design_matrix(readings, has_dark)

@@ -70,4 +70,8 @@ if __name__ == "__main__":
     engine(scan())
     cpu_s, wall_s = time.process_time() - cpu_s, time.perf_counter() - wall_s
     readings = EXITS * SLOTS * REPEATS
-    print(json.dumps({"version": bluesky.__version__, "cpu_ms": 1e3 * cpu_s / readings, "wall_ms": 1e3 * wall_s / readings}))
+    print(
+        json.dumps(
+            {"version": bluesky.__version__, "cpu_ms": 1e3 * cpu_s / readings, "wall_ms": 1e3 * wall_s / readings}
+        )
+    )

@@ -89,7 +89,13 @@ def whole_scan(live_fit, speed):
         goniometer.run(RECIPE, out=folder, speed=speed, live_fit=live_fit, subscribers=[watch])
         total_s = time.perf_counter() - start
     end, event = ends[0]
-    return {"scan_s": end - start, "total_s": total_s, "bench_s": event.bench_duration_s, "readings": event.readings, "fits": len(fits)}
+    return {
+        "scan_s": end - start,
+        "total_s": total_s,
+        "bench_s": event.bench_duration_s,
+        "readings": event.readings,
+        "fits": len(fits),
+    }
 
 
 def round_trips_a_second(count=5000):
@@ -147,7 +153,9 @@ def main():
         )
     print(f"  {round_trips_a_second():.0f} round trips a second between driver and simulated device")
     times_ms = live_fit_update_ms()
-    print(f"  live-fit update: median {statistics.median(times_ms):.1f} ms, 95th percentile {times_ms[int(0.95 * len(times_ms))]:.1f} ms")
+    print(
+        f"  live-fit update: median {statistics.median(times_ms):.1f} ms, 95th percentile {times_ms[int(0.95 * len(times_ms))]:.1f} ms"
+    )
     ratios = []
     for _ in range(3):
         with_fit, without = whole_scan(True, 40.0), whole_scan(False, 40.0)
@@ -158,10 +166,14 @@ def main():
     ours = [engine_alone() for _ in range(REPEATS)]
     print(f"  goniometer with durable journal: {best(ours, 'cpu_ms'):.3f} ms CPU, {best(ours, 'wall_ms'):.3f} ms wall")
     peers = [
-        json.loads(subprocess.run([PEER, ROOT / "benchmarks" / "bluesky_peer.py"], capture_output=True, check=True).stdout)
+        json.loads(
+            subprocess.run([PEER, ROOT / "benchmarks" / "bluesky_peer.py"], capture_output=True, check=True).stdout
+        )
         for _ in range(3)
     ]
-    print(f"  Bluesky {peers[0]['version']}, nothing stored:  {best(peers, 'cpu_ms'):.3f} ms CPU, {best(peers, 'wall_ms'):.3f} ms wall")
+    print(
+        f"  Bluesky {peers[0]['version']}, nothing stored:  {best(peers, 'cpu_ms'):.3f} ms CPU, {best(peers, 'wall_ms'):.3f} ms wall"
+    )
     print(f"  ratio of CPU: {best(ours, 'cpu_ms') / best(peers, 'cpu_ms'):.3f}")
 
 

@@ -47,7 +47,7 @@ def connected(rig: Rig, ports: Mapping[str, str], clock: Clock, wavelength_nm: f
                     axes |= _connect_az(open_devices, name, entry, port, clock)
                 case ThorlabsFw102cEntry():
                     analyzer = ThorlabsFw102c(
-                        Link(port, device=name, baudrate=115200),
+                        Link(port, device=name, baudrate=entry.baudrate),
                         clock,
                         name=name,
                         slots=len(entry.slots),
@@ -67,7 +67,7 @@ def connected(rig: Rig, ports: Mapping[str, str], clock: Clock, wavelength_nm: f
 def _connect_esp301(
     open_devices: ExitStack, name: str, entry: NewportEsp301Entry, port: str, clock: Clock
 ) -> dict[str, RotaryAxis]:
-    controller = NewportEsp301(Link(port, device=name, baudrate=19200, rtscts=True), clock)
+    controller = NewportEsp301(Link(port, device=name, baudrate=entry.baudrate, rtscts=True), clock)
     open_devices.callback(controller.close)
     controller.connect()
     axes: dict[str, RotaryAxis] = {}
@@ -102,6 +102,8 @@ def _connect_az(
             acceleration_deg_s2=axis.acceleration_deg_s2,
             settle_s=axis.settle_s,
             tolerance_deg=axis.tolerance_deg,
+            baudrate=entry.baudrate,
+            parity=entry.parity[0].upper(),
         )
         open_devices.callback(driver.close)
         driver.connect()

@@ -22,7 +22,7 @@ Speed = float | Literal["max"]
 _FILE = click.Path(path_type=Path)
 
 
-class SpeedType(click.ParamType):
+class SpeedType(click.ParamType[Speed]):
     """A positive number, or ``max``."""
 
     name = "N|max"
@@ -47,14 +47,18 @@ def cli() -> None:
 
 
 @cli.command()
-@click.argument("recipe", type=_FILE)
+@click.argument("file", type=_FILE)
 @click.option("--rig", type=_FILE, help="A rig file in place of the recipe's.")
-def check(recipe: Path, rig: Path | None) -> None:
-    """Check a recipe, its rig and its scene; print the steps and how long they take. Moves nothing."""
-    from goniometer.check import describe_plan
-    from goniometer.load_files import load_recipe
+def check(file: Path, rig: Path | None) -> None:
+    """Check a recipe with its rig and scene, and print its steps and their duration. Moves nothing.
 
-    click.echo(describe_plan(load_recipe(recipe, rig)))
+    A rig or a scene can be checked alone.
+    """
+    from goniometer.check import describe_plan
+    from goniometer.load_files import Setup, load_file, load_recipe
+
+    loaded = load_recipe(file, rig) if rig else load_file(file)
+    click.echo(describe_plan(loaded) if isinstance(loaded, Setup) else f"{file} is valid.")
 
 
 @cli.command()
@@ -77,12 +81,16 @@ def run(recipe: Path, rig: Path | None, out: Path, speed: Speed | None, quiet: b
     if mode == "auto":
         click.echo(f"Everything is in {stored.folder}")
     if stored.fit is None:
-        raise GoniometerError(f"The readings are stored in {stored.folder}, but they could not be fitted: {stored.refusal}")
+        raise GoniometerError(
+            f"The readings are stored in {stored.folder}, but they could not be fitted: {stored.refusal}"
+        )
 
 
 @cli.command()
 @click.argument("scene", type=_FILE)
-@click.option("--speed", type=SpeedType(), default="1", show_default=True, help="Seconds of the bench in a real second.")
+@click.option(
+    "--speed", type=SpeedType(), default="1", show_default=True, help="Seconds of the bench in a real second."
+)
 def simulate(scene: Path, speed: Speed) -> None:
     """Serve a scene as a simulated bench, print a rig file with its addresses, and run until Ctrl-C."""
     from goniometer.serve import serve
@@ -107,7 +115,7 @@ def fit(run_folder: Path) -> None:
 
 @cli.command()
 @click.argument("kind", type=click.Choice(["recipe", "rig", "scene"]))
-def schema(kind: str) -> None:
+def schema(kind: Literal["recipe", "rig", "scene"]) -> None:
     """Print the JSON Schema of a file, so that an editor completes and checks it."""
     from goniometer.schema import schema as schema_of
 

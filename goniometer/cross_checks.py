@@ -11,16 +11,21 @@ from goniometer.rig_file import NewportEsp301Entry, OrientalAzEntry, Rig, Role, 
 from goniometer.yaml_file import Fault, KeyPath, YamlFile
 from sim_devices.scene import Device, NewportEsp301Device, OrientalAzDevice, Scene, ThorlabsFw102cDevice
 
+_SAME_DURATION = 1e-6
+"""Relative difference up to which an exposure is a whole number of samples."""
+
 
 def recipe_on_rig(recipe: Recipe, file: YamlFile, rig: Rig, rig_path: Path) -> Iterator[Fault]:
     """Whatever a recipe asks that its rig cannot do, at the recipe's own lines."""
     yield from _slot_faults(recipe, file, rig, rig_path)
     yield from _angle_faults(recipe, file, rig, rig_path)
     sample_s = rig.detector.sample_s
-    if recipe.exposure_s < sample_s:
+    samples = max(1, round(recipe.exposure_s / sample_s))
+    if abs(recipe.exposure_s - samples * sample_s) > _SAME_DURATION * recipe.exposure_s:
         yield file.fault(
             ("exposure_s",),
-            f"got {recipe.exposure_s:g}; allowed: at least {sample_s:g}, the detector's sample_s in {rig_path}",
+            f"got {recipe.exposure_s:g}; allowed: a whole number of the detector's samples of {sample_s:g} s (sample_s "
+            f"in {rig_path}), the nearest is {samples * sample_s:g}",
         )
     if rig.is_simulated and recipe.scene is None:
         yield file.fault(

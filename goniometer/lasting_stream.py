@@ -31,7 +31,7 @@ class LastingStream:
         if self._stream is not None:
             try:
                 self._stream.write(text.encode(self.encoding, "replace").decode(self.encoding))
-                pass
+                self._stream.flush()
             except OSError as error:
                 self._fall_silent(self._stream, error)
         return len(text)

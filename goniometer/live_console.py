@@ -24,6 +24,8 @@ from model.fit import FitResult
 
 _REFRESHES_PER_S = 6
 _WIDEST = 96
+_ECHO_WIDTH = len("^C")
+"""Columns left free at the right: there the terminal writes Ctrl-C, which must not push the view to a new line."""
 _SPEED_WORTH_TELLING = 1.2
 _LABEL = "dim"
 
@@ -80,7 +82,7 @@ class LiveConsole:
             subtitle_align="right",
             border_style="blue",
             padding=(1, 2),
-            width=min(self._console.width, _WIDEST),
+            width=min(self._console.width - _ECHO_WIDTH, _WIDEST),
         )
 
     def _progress(self, started: ScanStarted) -> list[RenderableType]:

@@ -57,6 +57,9 @@ class NewportEsp301Entry(Section):
 
     driver: Literal["newport_esp301"] = Field(description="the device's family")
     port: Port = Field(description="COM3, /dev/ttyUSB0, socket://host:port, or simulated")
+    baudrate: Literal[19200, 921600] = Field(
+        default=19200, description="19200 on RS-232, 921600 on the ESP301's USB; without effect on a socket"
+    )
     axes: dict[Role, NewportEsp301Axis] = Field(min_length=1, description="the controller's axes, by role")
 
     @model_validator(mode="after")
@@ -76,6 +79,12 @@ class OrientalAzEntry(Section):
     driver: Literal["oriental_az"] = Field(description="the device's family")
     port: Port = Field(description="COM3, /dev/ttyUSB0, socket://host:port, or simulated")
     unit: int = Field(ge=1, le=31, description="Modbus address, as set by the drive's switch")
+    baudrate: Literal[9600, 19200, 38400, 57600, 115200, 230400] = Field(
+        default=115200, description="as set in the drive; without effect on a socket"
+    )
+    parity: Literal["even", "odd", "none"] = Field(
+        default="even", description="as set in the drive; without effect on a socket"
+    )
     axes: dict[Role, OrientalAzAxis] = Field(min_length=1, max_length=1, description="the drive's axis, by role")
 
 
@@ -84,6 +93,9 @@ class ThorlabsFw102cEntry(Section):
 
     driver: Literal["thorlabs_fw102c"] = Field(description="the device's family")
     port: Port = Field(description="COM3, /dev/ttyUSB0, socket://host:port, or simulated")
+    baudrate: Literal[9600, 115200] = Field(
+        default=115200, description="as set in the wheel; without effect on a socket"
+    )
     slots: dict[Annotated[int, Field(ge=1, le=12)], Slot] = Field(
         description="what each of the 6 or 12 slots holds: a polarizer's angle in degrees, open, or blocked"
     )

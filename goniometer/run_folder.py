@@ -64,7 +64,9 @@ def new_run_folder(out: Path, recipe_name: str) -> Path:
                 f"The run's folder {folder} cannot be made: {error.strerror}. No device was moved. Choose another with --out."
             ) from error
         return folder
-    raise JournalError(f"{out} holds a thousand runs named {stem}. No device was moved. Choose another folder with --out.")
+    raise JournalError(
+        f"{out} holds a thousand runs named {stem}. No device was moved. Choose another folder with --out."
+    )
 
 
 def load(folder: str | Path) -> StoredRun:
@@ -105,7 +107,9 @@ def write_results(run: StoredRun) -> list[Path]:
     """Write what a person looks at beside the journal: Stokes points, NeXus file, fit and report."""
     csv, nexus, fit_json, report = (run.folder / name for name in ("stokes.csv", "scan.nxs", "fit.json", "report.png"))
     write_stokes_csv(csv, run.points)
-    write_nexus(nexus, title=run.recipe.recipe, readings=run.readings, points=run.points, fit=run.fit, provenance=run.about)
+    write_nexus(
+        nexus, title=run.recipe.recipe, readings=run.readings, points=run.points, fit=run.fit, provenance=run.about
+    )
     fit_json.write_text(json.dumps(_fit_as_json(run), indent=2) + "\n", encoding="utf-8")
     draw_report(report, title=run.recipe.recipe, points=run.points, fit=run.fit, truth=run.truth)
     return [csv, nexus, fit_json, report]

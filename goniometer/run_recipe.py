@@ -81,7 +81,11 @@ def run(
         folder = new_run_folder(Path(out), setup.recipe.recipe)
         about = _about(setup, bench_access.scene_text)
         stored = stack.enter_context(Journal.create(folder / journal.FILE_NAME, about))
-        fitting = stack.enter_context(LiveFit(surface_family(setup.recipe.fit), setup.recipe.fit.search)) if live_fit else None
+        fitting = (
+            stack.enter_context(LiveFit(surface_family(setup.recipe.fit), setup.recipe.fit.search))
+            if live_fit
+            else None
+        )
         pipeline = Pipeline(steps, reduction(setup.recipe, setup.rig), fitting, subscribers)
         stack.enter_context(_switching_threads_often())
         pipeline.publish(

@@ -38,6 +38,8 @@ def serve(scene_path: Path, speed: Speed, out: TextIO) -> None:
                 bench.raise_failure()
         except ScanInterrupted as asked:
             print(f"Ended by {asked.reason}.", file=sys.stderr)
+        finally:
+            control.stop()
 
 
 def _terminals(bench: Bench) -> str:

@@ -130,8 +130,8 @@ class Diffuse:
 class Directional:
     """Directional diffuse light near the normal, polarized like the half-vector facet; eq. (10) as printed.
 
-    It depends on the exit angle alone, has a cusp at the normal with a 1/e half-width of atan(sigma²/2), and is not
-    reciprocal.
+    Its size depends on the exit angle alone, so that it is not reciprocal, and has a cusp at the normal with a 1/e
+    half-width of atan(sigma²/2).
 
     Parameters
     ----------
@@ -166,7 +166,7 @@ class Directional:
         return (
             f"Directional diffuse lobe, eq. (10): rho_dd = {self.weight:.6g}, sigma = {self.sigma:.6g}, "
             f"index {_format_index(self.index)}, printed exponent tan(exit): a cusp at the normal that falls to 1/e "
-            f"within {half_width_deg:.2g}°. It does not depend on the incidence and is not reciprocal."
+            f"within {half_width_deg:.2g}°. Its size follows from the exit angle alone, so it is not reciprocal."
         )
 
     def _reflectance(self, directions: Directions) -> FloatArray:

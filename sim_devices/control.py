@@ -5,15 +5,15 @@ from __future__ import annotations
 import json
 import math
 import socket
+import socketserver
 import threading
 import time
+from contextlib import suppress
 from typing import Any
 from urllib.parse import urlsplit
 
-from goniometer.errors import NotConnectedError, ReplyError, ReplyTimeoutError
+from goniometer.errors import DeviceFaultError, NotConnectedError, ReplyError, ReplyTimeoutError
 from sim_devices.bench import Bench
-from sim_devices.device import Replies
-from sim_devices.lines import LineSplitter
 
 _DEVICE = "simulated bench"
 _LONGEST_REQUEST = 4096
@@ -21,60 +21,82 @@ _TIMEOUT_S = 10.0
 
 
 class ControlServer:
-    """Tells other processes what a bench holds, and lets them wait on its clock. It ends with the bench.
+    """Tells other processes what a bench holds, and lets them wait on its clock.
 
-    Requests are ``{"request": "hello"}``, ``{"request": "now"}`` and ``{"request": "sleep", "duration_s": 0.1}``.
-    The bench serves it like a device: the answer to a sleep is a reply that is due when the sleep is over, so
-    everything that was sent to any device before it has been taken, and answered if it was due, by then.
+    Requests are ``{"request": "hello"}``, ``{"request": "now"}`` and ``{"request": "sleep", "duration_s": 0.1}``. A sleep
+    is one on the bench's own clock, in a thread of its client: virtual time then passes as it does for a program that
+    holds the bench itself.
 
     Parameters
     ----------
     bench : Bench
-        The bench.
+        The bench, started.
     scene_text : str
         The scene file, as read.
+
+    Attributes
+    ----------
+    address : str
+        Where it listens, from the start until `stop`.
     """
 
     def __init__(self, bench: Bench, scene_text: str) -> None:
         self._bench, self._scene_text = bench, scene_text
-        self.address = bench.listen(self)
+        self._server = _Server(self)
+        self.address = f"socket://127.0.0.1:{self._server.server_address[1]}"
+        self._thread = threading.Thread(
+            target=self._server.serve_forever, args=(0.05,), name="bench control", daemon=True
+        )
+        self._thread.start()
 
-    def session(self) -> _Session:
-        """A new client."""
-        return _Session(self)
+    def stop(self) -> None:
+        """Listen no more."""
+        self._server.shutdown()
+        self._thread.join()
+        self._server.server_close()
 
-    def answer(self, line: str, now_s: float) -> tuple[float, dict[str, Any]]:
-        """Answer one request; returns when the answer is due, too."""
+    def answer(self, line: bytes) -> dict[str, Any]:
+        """Answer one request; a sleep when it is over."""
+        clock = self._bench.clock
         try:
             request = json.loads(line)
         except ValueError:
             request = None
         match request:
             case {"request": "hello"}:
-                return now_s, {"scene": self._scene_text, "speed": self._bench.clock.speed, "now_s": now_s}
+                return {"scene": self._scene_text, "speed": clock.speed, "now_s": clock.now()}
             case {"request": "now"}:
-                return now_s, {"now_s": now_s}
-            case {"request": "sleep", "duration_s": duration_s} if _is_duration(duration_s):
-                return now_s + duration_s, {"now_s": now_s + duration_s}
+                return {"now_s": clock.now()}
+            case {"request": "sleep", "duration_s": (int() | float()) as duration_s} if (
+                duration_s is not True and 0 <= duration_s < math.inf
+            ):
+                clock.sleep(duration_s)
+                return {"now_s": clock.now()}
             case _:
-                return now_s, {
-                    "error": f"{line!r} is no request. Ask for hello, for now, or for sleep with duration_s."
-                }
+                return {"error": f"{line!r} is no request. Ask for hello, for now, or for sleep with duration_s."}
 
 
-def _is_duration(value: object) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool) and 0 <= value < math.inf
+class _Server(socketserver.ThreadingTCPServer):
+    daemon_threads = True
+
+    def __init__(self, control: ControlServer) -> None:
+        self.control = control
+        super().__init__(("127.0.0.1", 0), _Client)
 
 
-class _Session:
-    def __init__(self, server: ControlServer) -> None:
-        self._server = server
-        self._lines = LineSplitter(b"\n", limit=_LONGEST_REQUEST)
+class _Client(socketserver.StreamRequestHandler):
+    disable_nagle_algorithm = True
+    server: _Server
 
-    def receive(self, data: bytes, now_s: float) -> Replies:
-        """Answer every request that is complete."""
-        answers = [self._server.answer(line, now_s) for line in self._lines.feed(data)]
-        return [(due_s, json.dumps(answer).encode() + b"\n") for due_s, answer in answers]
+    def handle(self) -> None:
+        """Answer line after line until the client goes."""
+        with suppress(ConnectionError):
+            while line := self.rfile.readline(_LONGEST_REQUEST):
+                try:
+                    answer = self.server.control.answer(line)
+                except DeviceFaultError as error:
+                    answer = {"error": str(error)}
+                self.wfile.write(json.dumps(answer).encode() + b"\n")
 
 
 class RemoteClock:

@@ -15,7 +15,17 @@ ABOUT = {"recipe": "recipe: x", "seed": "7"}
 def reading(number):
     kind = "dark" if number % 5 == 4 else "signal"
     return Reading(
-        number // 5, kind, 0, 0.1 * number, 60.0, number / 3, 0.0, number % 5 + 2, None if kind == "dark" else 45.0, 0.03, 1 / 7e9
+        number // 5,
+        kind,
+        0,
+        0.1 * number,
+        60.0,
+        number / 3,
+        0.0,
+        number % 5 + 2,
+        None if kind == "dark" else 45.0,
+        0.03,
+        1 / 7e9,
     )
 
 
@@ -64,7 +74,8 @@ def test_a_run_never_writes_into_another_runs_journal(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("content", "message"), [(None, "does not exist"), (b"not a database at all" * 50, "cannot be read"), (b"", "cannot be read")]
+    ("content", "message"),
+    [(None, "does not exist"), (b"not a database at all" * 50, "cannot be read"), (b"", "cannot be read")],
 )
 def test_what_is_no_journal_is_named(tmp_path, content, message):
     if content is not None:

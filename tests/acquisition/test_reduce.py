@@ -51,7 +51,9 @@ def test_any_set_of_three_or_more_angles_gives_the_light_back(angles_deg):
 
 
 def test_s_polarized_light_is_positive_s1_and_passes_the_polarizer_at_zero():
-    along_s = [reading("signal", 1e-9 if a == 0 else 0.5e-9 if a in (45, 135) else 0.0, angle_deg=a) for a in (0, 45, 90, 135)]
+    along_s = [
+        reading("signal", 1e-9 if a == 0 else 0.5e-9 if a in (45, 135) else 0.0, angle_deg=a) for a in (0, 45, 90, 135)
+    ]
     point = reduction().point(along_s, LampLevel())
     assert_allclose(point.stokes[1], point.stokes[0], rtol=1e-12)
     assert_allclose(point.aolp_deg, 0.0, atol=1e-9)
@@ -84,7 +86,13 @@ def test_reference_readings_follow_the_lamp():
     def reference(point, time_s, lamp):
         return reading("reference", DARK_W + 4e-8 * lamp, point=point, time_s=time_s)
 
-    readings = [reference(0, 0.0, 1.0), *at(0, 0.0, 1.0), *at(1, 50.0, 0.9), reference(2, 100.0, 0.8), *at(2, 100.0, 0.8)]
+    readings = [
+        reference(0, 0.0, 1.0),
+        *at(0, 0.0, 1.0),
+        *at(1, 50.0, 0.9),
+        reference(2, 100.0, 0.8),
+        *at(2, 100.0, 0.8),
+    ]
     for point in reduction().scan(readings):
         assert_allclose(point.stokes, stokes, rtol=1e-12)
     without = [taken for taken in readings if taken.kind != "reference"]

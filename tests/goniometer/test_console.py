@@ -128,9 +128,11 @@ def test_json_never_says_nan() -> None:
 
 def test_json_lines_are_readable_while_the_scan_runs() -> None:
     read, write = os.pipe()
-    with os.fdopen(read) as reader, os.fdopen(write, "w") as stream, console_for("json", stream) as show:
+    os.set_blocking(read, False)
+    with os.fdopen(read, "rb") as reader, os.fdopen(write, "w") as stream, console_for("json", stream) as show:
         show(EVENTS[0])
-        assert json.loads(reader.readline())["run"] == "runs/iron"
+        line = reader.readline()
+    assert json.loads(line)["run"] == "runs/iron"
 
 
 def test_plain_lines_carry_numbers_with_errors_and_no_escape_codes() -> None:

@@ -66,7 +66,8 @@ def test_a_signal_ends_the_scan_with_its_code_and_the_readings_stored(tmp_path, 
     process, lines = run_until(tmp_path, 20, "--speed", "20")
     with ended_afterwards(process):
         process.send_signal(getattr(signal, name))
-        rest, errors = process.communicate(timeout=20)
+        rest, errors = process.stdout.read(), process.stderr.read()
+        process.wait(timeout=20)
     assert process.returncode == code
     lines += rest.splitlines()
     assert json.loads(lines[-1])["event"] == "ScanEnded"
@@ -88,7 +89,10 @@ def test_a_signal_during_a_long_move_stops_the_axes(tmp_path, name):
             text = text.replace("port: simulated", f"port: {address.tcp}", 1)
         rig.write_text(text)
         process = goniometer("run", RECIPE, "--json", "--rig", rig, "--out", tmp_path / "runs")
-        with ended_afterwards(process), connected(scene.rig, served_ports(scene.rig, bench), bench.clock, 550.0) as devices:
+        with (
+            ended_afterwards(process),
+            connected(scene.rig, served_ports(scene.rig, bench), bench.clock, 550.0) as devices,
+        ):
             while not 5.0 < devices.source_arm.position_deg() < 40.0:
                 bench.clock.sleep(0.02)
             process.send_signal(getattr(signal, name))
@@ -120,7 +124,7 @@ def kill_at_any_moment(tmp_path, seed):
         while time.monotonic() < deadline:
             pass
         process.send_signal(signal.SIGKILL)
-        rest, _ = process.communicate(timeout=20)
+        rest = process.stdout.read()  # communicate() would lose what the lines above were read with
     shown = shown_readings([*lines, *(line for line in rest.splitlines() if line.endswith("}"))])
     folder, readings = stored_readings(tmp_path)
     assert len(shown) <= len(readings) <= len(shown) + 1

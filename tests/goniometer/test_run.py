@@ -90,7 +90,10 @@ def test_a_shown_reading_is_on_disk(tmp_path):
                 assert journal.readings()[-1] == event.reading
 
     goniometer.run(
-        write_variant(tmp_path, recipe_changes={**SHORT, "readings": 1}), out=tmp_path / "runs", speed="max", subscribers=[look]
+        write_variant(tmp_path, recipe_changes={**SHORT, "readings": 1}),
+        out=tmp_path / "runs",
+        speed="max",
+        subscribers=[look],
     )
 
 
@@ -102,7 +105,11 @@ def test_the_files_of_a_run_are_there_and_say_the_same(tmp_path):
         assert written["parameters"][name]["truth"] == stored.truth[name]
     assert written["degrees_of_freedom"] == 11 * 3 - 6
     assert {path.name for path in stored.folder.iterdir()} == {
-        "journal.sqlite", "stokes.csv", "scan.nxs", "fit.json", "report.png",
+        "journal.sqlite",
+        "stokes.csv",
+        "scan.nxs",
+        "fit.json",
+        "report.png",
     }
     again = goniometer.load(stored.folder)
     assert again.fit.to_dict() == stored.fit.to_dict()
@@ -111,7 +118,9 @@ def test_the_files_of_a_run_are_there_and_say_the_same(tmp_path):
 
 def test_a_reference_is_read_and_does_not_disturb(tmp_path):
     recipe = write_variant(
-        tmp_path, recipe_changes={**SHORT, "reference": {"exit_deg": 45.0, "every_points": 4}}, scene_changes={"effects": []}
+        tmp_path,
+        recipe_changes={**SHORT, "reference": {"exit_deg": 45.0, "every_points": 4}},
+        scene_changes={"effects": []},
     )
     stored = goniometer.run(recipe, out=tmp_path / "runs", speed="max")
     assert sum(reading.kind == "reference" for reading in stored.readings) == 3 * 2

@@ -2,6 +2,7 @@
 
 import json
 import socket
+import threading
 import time
 
 import pytest
@@ -22,6 +23,19 @@ def bench(scene_with):
 
 
 @pytest.fixture
+def serve():
+    servers = []
+
+    def serve(bench):
+        servers.append(ControlServer(bench, TEXT))
+        return servers[-1].address
+
+    yield serve
+    for server in servers:
+        server.stop()
+
+
+@pytest.fixture
 def remote():
     clocks = []
 
@@ -34,8 +48,8 @@ def remote():
         clock.close()
 
 
-def test_a_remote_clock_passes_virtual_time_on_the_bench(bench, remote, connect):
-    clock = remote(ControlServer(bench, TEXT).address)
+def test_a_remote_clock_passes_virtual_time_on_the_bench(bench, serve, remote, connect):
+    clock = remote(serve(bench))
     assert (clock.speed, clock.scene_text) == ("max", TEXT)
     arms = connect(bench.addresses["arms"])
     for target in range(1, 30):
@@ -46,9 +60,9 @@ def test_a_remote_clock_passes_virtual_time_on_the_bench(bench, remote, connect)
     assert_allclose(bench.clock.now(), 290.0)
 
 
-def test_a_remote_clock_counts_scaled_time_itself(scene_with, remote, monkeypatch):
+def test_a_remote_clock_counts_scaled_time_itself(scene_with, serve, remote, monkeypatch):
     with Bench(scene_with(), ScaledClock(1000)) as bench:
-        clock = remote(ControlServer(bench, TEXT).address)
+        clock = remote(serve(bench))
         assert clock.speed == 1000
         assert_allclose(clock.now(), bench.clock.now(), atol=300)
         slept = []
@@ -73,8 +87,8 @@ def test_a_remote_clock_counts_scaled_time_itself(scene_with, remote, monkeypatc
         (b"", {"error"}),
     ],
 )
-def test_requests_are_answered_one_line_each(bench, connect, line, keys):
-    control = connect(Address(ControlServer(bench, TEXT).address, None))
+def test_requests_are_answered_one_line_each(bench, serve, connect, line, keys):
+    control = connect(Address(serve(bench), None))
     control.sendall(line + b"\n")
     with control.makefile("rb") as replies:
         assert set(json.loads(replies.readline())) == keys
@@ -106,10 +120,31 @@ class _Parrot:
         return [(now_s, data)]
 
 
-def test_a_bench_that_has_gone(scene_with, remote):
-    bench = Bench(scene_with(), VirtualClock())
-    bench.start()
-    clock = remote(ControlServer(bench, TEXT).address)
-    bench.stop()
-    with pytest.raises(NotConnectedError, match="closed the connection"):
-        clock.now()
+def test_a_bench_that_has_gone(remote):
+    with socket.create_server(("127.0.0.1", 0)) as listener:
+
+        def answer_once():
+            connection, _ = listener.accept()
+            connection.recv(4096)
+            connection.sendall(b'{"scene": "", "speed": "max", "now_s": 0}\n')
+            connection.close()
+
+        answering = threading.Thread(target=answer_once)
+        answering.start()
+        clock = remote(f"socket://127.0.0.1:{listener.getsockname()[1]}")
+        answering.join()
+        with pytest.raises(NotConnectedError, match="cannot be reached"):
+            clock.now()
+            clock.now()
+
+
+def test_what_was_sent_before_a_sleep_is_done_before_the_clock_moves(bench, serve, remote, connect):
+    """A wheel turns before the sleeper's time passes, however close together the two were sent."""
+    clock = remote(serve(bench))
+    wheel = connect(bench.addresses["analyzer"])
+    for slot in (2, 3) * 20:
+        before_s = clock.now()
+        wheel.sendall(b"pos=%d\r" % slot)
+        clock.sleep(0.005)
+        turning_s = clock.now() - before_s - 0.005
+        assert turning_s > 0.1

@@ -11,7 +11,7 @@ from numpy.testing import assert_allclose
 from model.lobes import Diffuse, Directional, Specular
 from model.surface import Surface
 from sim_devices import effects
-from sim_devices.world import World, analyzer_row
+from sim_devices.world import World, analyzer_row, remember_last
 
 FAST = {"velocity_deg_s": 1e3, "acceleration_deg_s2": 1e4, "deceleration_deg_s2": 1e4}
 DARK = {"effect": "dark_current", "power_w": 2e-10}
@@ -93,6 +93,19 @@ def test_a_reading_is_of_the_geometry_at_its_middle(scene_with):
     moving = world.measure_w(35.0, 2.0)
     assert moving == world.power_w(36.0)
     assert len({moving, world.power_w(35.0), world.power_w(100.0)}) == 3
+
+
+def test_the_surface_is_evaluated_once_for_each_geometry_and_again_for_the_next():
+    asked = []
+
+    def stokes(*geometry):
+        asked.append(geometry)
+        return np.array(geometry)
+
+    evaluate = remember_last(stokes)
+    for geometry in [(1, 2, 3), (1, 2, 3), (1, 2, 4), (0, 2, 4), (1, 2, 3)]:
+        assert_allclose(evaluate(*geometry), geometry)
+    assert asked == [(1, 2, 3), (1, 2, 4), (0, 2, 4), (1, 2, 3)]
 
 
 def test_a_lobe_of_no_weight_is_not_part_of_the_surface(scene_with):
