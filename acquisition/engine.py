@@ -24,13 +24,14 @@ _REST_S = 10.0
 
 @dataclass(frozen=True)
 class Bench:
-    """The devices of a goniometer, by their roles."""
+    """The devices of a goniometer, by their roles; `notes` are what they said on connecting."""
 
     source_arm: RotaryAxis
     detector_arm: RotaryAxis
     sample_azimuth: RotaryAxis
     analyzer: Analyzer
     detector: Detector
+    notes: tuple[str, ...] = ()
 
     def stop(self, clock: Clock) -> list[DeviceError]:
         """Stop everything that can move and see it come to rest, whatever fails on the way; returns what failed."""

@@ -14,7 +14,10 @@ from model.fit import FitResult
 
 @dataclass(frozen=True)
 class ScanStarted:
-    """The bench is ready and the first step is about to begin."""
+    """The bench is ready and the first step is about to begin.
+
+    `notes` are what devices said on connecting that a person should know, `truth` the parameters of a simulated sample.
+    """
 
     run: str
     recipe: str
@@ -22,6 +25,7 @@ class ScanStarted:
     readings: int
     expected_duration_s: float
     truth: dict[str, float]
+    notes: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)

@@ -1,7 +1,7 @@
 """The journal of a run: one SQLite file, one transaction a reading, on disk before anybody is told.
 
-Write-ahead logging with ``synchronous=FULL`` keeps every acknowledged reading through a kill or a power cut. Of the
-formats measured for the project only this one and a synced plain file did, and this one can be read while it is written.
+Write-ahead logging with ``synchronous=FULL`` keeps every acknowledged reading through a kill or a power cut;
+docs/decisions/journal.md says why.
 """
 
 from __future__ import annotations

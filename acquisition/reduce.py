@@ -127,8 +127,8 @@ class Reduction:
                 power_w, variance = power_w - dark_w, variance + dark_variance
             if power_w <= 0.0:
                 raise ReductionError(
-                    f"The reference reading at point {group[0].point} shows no light ({power_w:g} W above dark): the lamp "
-                    "level cannot be followed. Choose a brighter reference exit angle, or leave the reference out."
+                    f"The reference reading at point {group[0].point} shows no light ({power_w:g} W above dark): the "
+                    "lamp level cannot be followed. Choose a brighter reference exit angle, or leave the reference out."
                 )
             times_s.append(sum(r.time_s for r in group) / len(group))
             powers_w.append(power_w)

@@ -14,8 +14,8 @@ from pathlib import Path
 import goniometer
 from acquisition.engine import Bench, Engine
 from acquisition.events import FitUpdated, ScanEnded
-from acquisition.journal import Journal
 from acquisition.fit_points import stokes_data, surface_family
+from acquisition.journal import Journal
 from goniometer.assembly import connected
 from goniometer.bench import served_ports, simulate
 from goniometer.load_files import load_recipe
@@ -147,14 +147,15 @@ def main():
     for live_fit in (True, False):
         runs = [whole_scan(live_fit, "max") for _ in range(REPEATS)]
         print(
-            f"  speed max, live fit {'on ' if live_fit else 'off'}: scan {best(runs, 'scan_s'):.2f} s wall, with start and results "
-            f"{best(runs, 'total_s'):.2f} s; {runs[0]['bench_s']:.0f} virtual s, "
+            f"  speed max, live fit {'on ' if live_fit else 'off'}: scan {best(runs, 'scan_s'):.2f} s wall, "
+            f"with start and results {best(runs, 'total_s'):.2f} s; {runs[0]['bench_s']:.0f} virtual s, "
             f"{runs[0]['bench_s'] / best(runs, 'scan_s'):.0f} virtual s a second; {runs[0]['fits']} live fits shown"
         )
     print(f"  {round_trips_a_second():.0f} round trips a second between driver and simulated device")
     times_ms = live_fit_update_ms()
     print(
-        f"  live-fit update: median {statistics.median(times_ms):.1f} ms, 95th percentile {times_ms[int(0.95 * len(times_ms))]:.1f} ms"
+        f"  live-fit update: median {statistics.median(times_ms):.1f} ms, "
+        f"95th percentile {times_ms[int(0.95 * len(times_ms))]:.1f} ms"
     )
     ratios = []
     for _ in range(3):
@@ -172,7 +173,8 @@ def main():
         for _ in range(3)
     ]
     print(
-        f"  Bluesky {peers[0]['version']}, nothing stored:  {best(peers, 'cpu_ms'):.3f} ms CPU, {best(peers, 'wall_ms'):.3f} ms wall"
+        f"  Bluesky {peers[0]['version']}, nothing stored:  {best(peers, 'cpu_ms'):.3f} ms CPU, "
+        f"{best(peers, 'wall_ms'):.3f} ms wall"
     )
     print(f"  ratio of CPU: {best(ours, 'cpu_ms') / best(peers, 'cpu_ms'):.3f}")
 

@@ -38,11 +38,12 @@ def connected(rig: Rig, ports: Mapping[str, str], clock: Clock, wavelength_nm: f
     """
     with ExitStack() as open_devices:
         axes: dict[str, RotaryAxis] = {}
+        notes: list[str] = []
         for name, entry in rig.devices.items():
             port = ports[name]
             match entry:
                 case NewportEsp301Entry():
-                    axes |= _connect_esp301(open_devices, name, entry, port, clock)
+                    axes |= _connect_esp301(open_devices, name, entry, port, clock, notes)
                 case OrientalAzEntry():
                     axes |= _connect_az(open_devices, name, entry, port, clock)
                 case ThorlabsFw102cEntry():
@@ -59,17 +60,17 @@ def connected(rig: Rig, ports: Mapping[str, str], clock: Clock, wavelength_nm: f
                 case ThorlabsPm100Entry():
                     detector = ThorlabsPm100(Link(port, device=name), clock, name=name, sample_s=entry.sample_s)
                     open_devices.callback(detector.close)
-                    detector.connect()
+                    notes += _left_over(name, detector.connect())
                     detector.set_wavelength_nm(wavelength_nm)
-        yield Bench(axes["source_arm"], axes["detector_arm"], axes["sample_azimuth"], analyzer, detector)
+        yield Bench(axes["source_arm"], axes["detector_arm"], axes["sample_azimuth"], analyzer, detector, tuple(notes))
 
 
 def _connect_esp301(
-    open_devices: ExitStack, name: str, entry: NewportEsp301Entry, port: str, clock: Clock
+    open_devices: ExitStack, name: str, entry: NewportEsp301Entry, port: str, clock: Clock, notes: list[str]
 ) -> dict[str, RotaryAxis]:
     controller = NewportEsp301(Link(port, device=name, baudrate=entry.baudrate, rtscts=True), clock)
     open_devices.callback(controller.close)
-    controller.connect()
+    notes += _left_over(name, controller.connect())
     axes: dict[str, RotaryAxis] = {}
     for role, axis in entry.axes.items():
         driver = controller.axis(
@@ -109,3 +110,7 @@ def _connect_az(
         driver.connect()
         axes[role] = driver
     return axes
+
+
+def _left_over(name: str, errors: tuple[str, ...]) -> list[str]:
+    return [f"{name}: an error was left in its queue from earlier use: {error}" for error in errors]

@@ -5,6 +5,7 @@ from __future__ import annotations
 from itertools import groupby
 
 from acquisition.expand import Step
+from goniometer.durations import clock_text
 from goniometer.load_files import Setup
 from goniometer.planning import plan
 
@@ -15,7 +16,7 @@ def describe_plan(setup: Setup) -> str:
     total_s = sum(step.duration_s for step in steps)
     lines = [
         f"{setup.recipe.recipe}: {len({step.point for step in steps})} directions, {len(steps)} steps, "
-        f"{sum(step.readings for step in steps)} readings, {_clock(total_s)}",
+        f"{sum(step.readings for step in steps)} readings, {clock_text(total_s)}",
         f"rig: {setup.rig.rig} ({setup.rig_path})",
         "",
         " point  incidence     exit  azimuth  analyzer slots       ends at",
@@ -33,11 +34,5 @@ def _line(point: int, steps: list[Step], elapsed_s: float) -> str:
     slots = " ".join(str(step.target.slot) for step in steps)
     return (
         f"{point:6d}  {target.incidence_deg:8.3f}°  {target.exit_deg:7.3f}°  {target.azimuth_deg:6.2f}°  "
-        f"{slots:<18}  {_clock(elapsed_s):>8}"
+        f"{slots:<18}  {clock_text(elapsed_s):>8}"
     )
-
-
-def _clock(duration_s: float) -> str:
-    minutes, seconds = divmod(round(duration_s), 60)
-    hours, minutes = divmod(minutes, 60)
-    return f"{hours}:{minutes:02d}:{seconds:02d}" if hours else f"{minutes}:{seconds:02d}"

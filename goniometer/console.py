@@ -89,6 +89,8 @@ class PlainConsole:
                     f"{event.recipe}: {event.points} points, {event.readings} readings, "
                     f"about {clock_text(event.expected_duration_s)} on the bench's clock, into {event.run}"
                 )
+                for note in event.notes:
+                    self._say(f"  note: {note}")
             case PointReduced():
                 self._say(self._point(event.stokes_point))
             case FitUpdated() if self._is_fit_line_due(event.points):

@@ -51,6 +51,9 @@ class LiveConsole:
     def __call__(self, event: Event) -> None:
         """Take an event in; it shows with the next refresh."""
         self._scan(event)
+        if isinstance(event, ScanStarted):
+            for note in event.notes:
+                self._console.print(Text(f"note: {note}", style="yellow"))
 
     def __enter__(self) -> Self:
         self._live.start()

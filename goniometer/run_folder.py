@@ -17,6 +17,7 @@ from acquisition.nexus import write_nexus
 from acquisition.readings import Reading, StokesPoint
 from acquisition.recipe import Recipe
 from acquisition.stokes_csv import write_stokes_csv
+from acquisition.whole_file import written_whole
 from goniometer.errors import FitError, JournalError
 from goniometer.planning import reduction
 from goniometer.report import draw_report
@@ -61,7 +62,8 @@ def new_run_folder(out: Path, recipe_name: str) -> Path:
             continue
         except OSError as error:
             raise JournalError(
-                f"The run's folder {folder} cannot be made: {error.strerror}. No device was moved. Choose another with --out."
+                f"The run's folder {folder} cannot be made: {error.strerror}. No device was moved. "
+                "Choose another with --out."
             ) from error
         return folder
     raise JournalError(
@@ -110,7 +112,8 @@ def write_results(run: StoredRun) -> list[Path]:
     write_nexus(
         nexus, title=run.recipe.recipe, readings=run.readings, points=run.points, fit=run.fit, provenance=run.about
     )
-    fit_json.write_text(json.dumps(_fit_as_json(run), indent=2) + "\n", encoding="utf-8")
+    with written_whole(fit_json) as part:
+        part.write_text(json.dumps(_fit_as_json(run), indent=2) + "\n", encoding="utf-8")
     draw_report(report, title=run.recipe.recipe, points=run.points, fit=run.fit, truth=run.truth)
     return [csv, nexus, fit_json, report]
 

@@ -96,6 +96,7 @@ def run(
                 readings=sum(step.readings for step in steps),
                 expected_duration_s=sum(step.duration_s for step in steps),
                 truth=scene_truth(bench_access.scene_text),
+                notes=bench.notes,
             )
         )
         engine = Engine(bench, bench_access.clock, stored, pipeline.publish, interruption.check)

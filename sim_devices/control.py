@@ -23,9 +23,9 @@ _TIMEOUT_S = 10.0
 class ControlServer:
     """Tells other processes what a bench holds, and lets them wait on its clock.
 
-    Requests are ``{"request": "hello"}``, ``{"request": "now"}`` and ``{"request": "sleep", "duration_s": 0.1}``. A sleep
-    is one on the bench's own clock, in a thread of its client: virtual time then passes as it does for a program that
-    holds the bench itself.
+    Requests are ``{"request": "hello"}``, ``{"request": "now"}`` and ``{"request": "sleep", "duration_s": 0.1}``. A
+    sleep is one on the bench's own clock, in a thread of its client: virtual time then passes as it does for a program
+    that holds the bench itself.
 
     Parameters
     ----------

@@ -23,19 +23,19 @@ class _Part(BaseModel):
 class Index(_Part):
     """Complex refractive index n + ik."""
 
-    n: float = Field(gt=0, le=20)
-    k: float = Field(ge=0, le=20)
+    n: float = Field(gt=0, le=20, description="real part")
+    k: float = Field(ge=0, le=20, description="imaginary part, 0 for a transparent material")
 
 
 class Sample(_Part):
     """The surface in the beam: rms slope `sigma`, the weights of its three lobes, and its material or its index."""
 
-    material: str | None = None
-    index: Index | None = None
-    sigma: float = Field(gt=0, le=2)
-    rho_s: float = Field(ge=0, le=10)
-    rho_d: float = Field(ge=0, le=10)
-    rho_dd: float = Field(ge=0, le=10)
+    material: str | None = Field(default=None, description="a material of the table, for example Fe; or write index")
+    index: Index | None = Field(default=None, description="refractive index n + ik; or write material")
+    sigma: float = Field(gt=0, le=2, description="roughness: rms slope per axis")
+    rho_s: float = Field(ge=0, le=10, description="weight of the specular lobe")
+    rho_d: float = Field(ge=0, le=10, description="weight of the diffuse lobe")
+    rho_dd: float = Field(ge=0, le=10, description="weight of the directional diffuse lobe")
 
     @model_validator(mode="after")
     def _has_one_index(self) -> Sample:
@@ -58,31 +58,35 @@ class Sample(_Part):
 class Lamp(_Part):
     """The source: unpolarized, of one wavelength."""
 
-    power_w: float = Field(gt=0, le=10)
-    wavelength_nm: float = Field(ge=200, le=2000)
+    power_w: float = Field(gt=0, le=10, description="power of the beam on the sample, in W")
+    wavelength_nm: float = Field(ge=200, le=2000, description="wavelength, in nm")
 
 
 class NewportEsp301Device(_Part):
     """A Newport ESP301 controller; `axes` says which arm each of its axes turns."""
 
-    type: Literal["newport_esp301"]
-    axes: dict[Annotated[int, Field(ge=1, le=3)], AxisRole] = Field(min_length=1)
+    type: Literal["newport_esp301"] = Field(description="the device's family")
+    axes: dict[Annotated[int, Field(ge=1, le=3)], AxisRole] = Field(
+        min_length=1, description="which arm each of the controller's axes turns, by the axis' number"
+    )
 
 
 class OrientalAzDevice(_Part):
     """An Oriental Motor AZ drive; `unit` is its Modbus address and `step_deg` one step of its motor at the table."""
 
-    type: Literal["oriental_az"]
-    unit: int = Field(ge=1, le=31)
-    axis: AxisRole
-    step_deg: float = Field(ge=1e-4, le=1)
+    type: Literal["oriental_az"] = Field(description="the device's family")
+    unit: int = Field(ge=1, le=31, description="Modbus address")
+    axis: AxisRole = Field(description="what the drive turns")
+    step_deg: float = Field(ge=1e-4, le=1, description="one motor step at the table, in degrees")
 
 
 class ThorlabsFw102cDevice(_Part):
     """A Thorlabs wheel; `slots` gives the true angle of the polarizer in each slot, in degrees from s."""
 
-    type: Literal["thorlabs_fw102c"]
-    slots: dict[int, Slot]
+    type: Literal["thorlabs_fw102c"] = Field(description="the device's family")
+    slots: dict[int, Slot] = Field(
+        description="what each slot truly holds: a polarizer's angle from s in degrees, open, or blocked"
+    )
 
     @model_validator(mode="after")
     def _fills_a_wheel(self) -> ThorlabsFw102cDevice:
@@ -95,8 +99,8 @@ class ThorlabsFw102cDevice(_Part):
 class ThorlabsPm100Device(_Part):
     """A Thorlabs power meter that accepts light from the solid angle `acceptance_sr`."""
 
-    type: Literal["thorlabs_pm100"]
-    acceptance_sr: float = Field(gt=0, le=0.1)
+    type: Literal["thorlabs_pm100"] = Field(description="the device's family")
+    acceptance_sr: float = Field(gt=0, le=0.1, description="solid angle that the detector accepts, in sr")
 
 
 Device = Annotated[
@@ -108,28 +112,28 @@ Device = Annotated[
 class DarkCurrent(_Part):
     """Power that the detector reports in the dark."""
 
-    effect: Literal["dark_current"]
-    power_w: float = Field(gt=0, le=1e-3)
+    effect: Literal["dark_current"] = Field(description="the effect's name")
+    power_w: float = Field(gt=0, le=1e-3, description="power reported in the dark, in W")
 
 
 class ShotNoise(_Part):
     """The statistics of counting photons."""
 
-    effect: Literal["shot_noise"]
+    effect: Literal["shot_noise"] = Field(description="the effect's name")
 
 
 class ReadNoise(_Part):
     """The detector's own noise: standard deviation of one 3 ms sample."""
 
-    effect: Literal["read_noise"]
-    power_w: float = Field(gt=0, le=1e-3)
+    effect: Literal["read_noise"] = Field(description="the effect's name")
+    power_w: float = Field(gt=0, le=1e-3, description="standard deviation of one 3 ms sample, in W")
 
 
 class Quantisation(_Part):
     """Significant digits of a reading."""
 
-    effect: Literal["quantisation"]
-    digits: int = Field(ge=1, le=15)
+    effect: Literal["quantisation"] = Field(description="the effect's name")
+    digits: int = Field(ge=1, le=15, description="significant digits of a printed reading")
 
 
 Effect = Annotated[DarkCurrent | ShotNoise | ReadNoise | Quantisation, Field(discriminator="effect")]
@@ -141,13 +145,17 @@ class Scene(_Part):
     `rig` is the path of the rig file whose devices the bench simulates, as written.
     """
 
-    scene: str = Field(min_length=1)
-    rig: str = Field(min_length=1)
-    seed: int = Field(ge=0, lt=2**63)
-    sample: Sample
-    lamp: Lamp
-    devices: dict[str, Device]
-    effects: Annotated[tuple[Effect, ...], Field(strict=False)]
+    scene: str = Field(min_length=1, description="name of the scene, for a person")
+    rig: str = Field(
+        min_length=1, description="rig whose devices the bench simulates; a relative path starts at this file's folder"
+    )
+    seed: int = Field(ge=0, lt=2**63, description="the same seed gives the same noise")
+    sample: Sample = Field(description="the surface in the beam")
+    lamp: Lamp = Field(description="the source")
+    devices: dict[str, Device] = Field(description="the devices, each under the name it has in the rig")
+    effects: Annotated[tuple[Effect, ...], Field(strict=False)] = Field(
+        description="what disturbs the detector's readings; an effect that is not named costs nothing"
+    )
 
     @model_validator(mode="after")
     def _is_a_whole_bench(self) -> Scene:
@@ -182,7 +190,7 @@ class Scene(_Part):
         """Refractive index n + ik of the sample at the lamp's wavelength."""
         if self.sample.index is not None:
             return complex(self.sample.index.n, self.sample.index.k)
-        assert self.sample.material is not None  # noqa: S101 - the validator has seen to it
+        assert self.sample.material is not None
         return materials.index(self.sample.material, self.lamp.wavelength_nm)
 
     def truth(self) -> dict[str, float]:

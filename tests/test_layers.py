@@ -55,7 +55,9 @@ def test_a_hidden_package_is_named(tmp_path):
     import sys
 
     (tmp_path / "model.py").write_text("")
-    done = subprocess.run([sys.executable, "-c", "import goniometer"], cwd=tmp_path, capture_output=True, text=True)
+    done = subprocess.run(
+        [sys.executable, "-c", "import goniometer"], cwd=tmp_path, capture_output=True, text=True, check=False
+    )
     assert done.returncode != 0
     assert f"{tmp_path / 'model.py'} hides goniometer's package 'model'" in done.stderr
     assert "Rename that file" in done.stderr

@@ -61,7 +61,7 @@ def test_s_polarized_light_is_positive_s1_and_passes_the_polarizer_at_zero():
 
 def test_two_angles_and_angles_half_a_turn_apart_are_refused():
     for angles_deg in [(0, 90), (0, 180, 45, 225)]:
-        with pytest.raises(ReductionError, match="Point 0 cannot be reduced.*at least 3 different"):
+        with pytest.raises(ReductionError, match=r"Point 0 cannot be reduced.*at least 3 different"):
             reduction().point(readings_of((1.0, 0.0, 0.0), angles_deg), LampLevel())
 
 

@@ -135,7 +135,6 @@ def test_a_bench_that_has_gone(remote):
         answering.join()
         with pytest.raises(NotConnectedError, match="cannot be reached"):
             clock.now()
-            clock.now()
 
 
 def test_what_was_sent_before_a_sleep_is_done_before_the_clock_moves(bench, serve, remote, connect):
