@@ -11,7 +11,7 @@ endif
 .PHONY: demo test long interop bench lint format clean
 
 demo: .venv/installed
-	$(BIN)/goniometer run recipes/iron_60deg.yaml --speed 15
+	$(BIN)/goniometer run recipes/iron_60deg.yaml --speed 20
 
 test: .venv/installed .venv-interop/installed
 	$(BIN)/python -m pytest -m "not long"

@@ -47,12 +47,17 @@ class Quantity:
     period: float | None = None
 
     def residuals(self) -> FloatArray:
-        """Measured less fitted in standard errors, by the shorter way round where the quantity is an angle."""
+        """Measured less fitted in standard errors.
+
+        For an angle it is the sine of the difference: the part of the measured polarization that lies across the fitted
+        direction, which scatters evenly also where little polarization lets the angle itself be almost anything.
+        """
         if self.fitted is None:
             return np.full_like(self.measured, np.nan)
         difference = self.measured - self.fitted
         if self.period is not None:
-            difference = (difference + self.period / 2.0) % self.period - self.period / 2.0
+            turns_to_rad = 2.0 * math.pi / self.period
+            difference = np.sin(difference * turns_to_rad) / turns_to_rad
         return difference / self.stderr
 
 

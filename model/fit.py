@@ -19,7 +19,7 @@ __all__ = ["Estimate", "FitResult", "StokesData", "SurfaceFamily", "fit"]
 _SEARCHES = {"sobol": sobol_starts, "genetic": genetic_starts}
 _AT_BOUND = 1e-6
 # Steps of least squares: enough to tell the best of several starts, and to end it.
-_SHORT, _LONG = 15, 60
+_SHORT, _LONG = 15, 200
 
 
 def fit(
@@ -95,9 +95,10 @@ def _checked_start(projection: Projection, start: dict[str, float]) -> FloatArra
 
 
 def _polish(projection: Projection, unit: FloatArray, evaluations: int) -> OptimizeResult:
-    # Tolerances near rounding: noise-free data must give the truth back.
+    # Noise-free data must give the truth back: their chi-square falls until rounding, so that xtol ends the search. With
+    # noise it ends at ftol, long before a step matters beside the standard errors.
     return least_squares(
-        projection.residuals, unit, bounds=(0.0, 1.0), xtol=1e-13, ftol=1e-15, gtol=1e-15, max_nfev=evaluations
+        projection.residuals, unit, bounds=(0.0, 1.0), xtol=1e-13, ftol=1e-10, gtol=1e-15, max_nfev=evaluations
     )
 
 
