@@ -95,7 +95,7 @@ def _checked_start(projection: Projection, start: dict[str, float]) -> FloatArra
 
 
 def _polish(projection: Projection, unit: FloatArray, evaluations: int) -> OptimizeResult:
-    # Noise-free data must give the truth back: their chi-square falls until rounding, so that xtol ends the search. With
+    # Noise-free data must give the truth back: their chi-square falls until rounding, and xtol ends the search. With
     # noise it ends at ftol, long before a step matters beside the standard errors.
     return least_squares(
         projection.residuals, unit, bounds=(0.0, 1.0), xtol=1e-13, ftol=1e-10, gtol=1e-15, max_nfev=evaluations

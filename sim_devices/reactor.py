@@ -7,6 +7,7 @@ import itertools
 import selectors
 import socket
 import threading
+from contextlib import suppress
 from dataclasses import dataclass, field
 
 from goniometer.errors import DeviceFaultError
@@ -60,7 +61,7 @@ class Reactor:
         self._is_stopping = False
         self._waker, self._wakes = socket.socketpair()
         self._wakes.setblocking(False)
-        self._selector.register(self._wakes, selectors.EVENT_READ, lambda _: self._wakes.recv(4096))
+        self._selector.register(self._wakes, selectors.EVENT_READ)
         self._thread = threading.Thread(target=self._run, name="simulated bench", daemon=True)
 
     def listen(self, device: Device) -> int:
@@ -134,6 +135,7 @@ class Reactor:
                 # another thread may serve meanwhile; what it has answered is simply no longer there
                 self._selector.select(self._real_s_until_due())
                 with self._lock:
+                    self._be_awake()
                     self._serve()
                     self._close_gone()
         except BaseException as failure:  # noqa: BLE001 - kept, and raised by whoever asks next
@@ -149,7 +151,7 @@ class Reactor:
 
     def _serve(self) -> None:
         while True:
-            while events := self._selector.select(0):
+            while events := [(key, mask) for key, mask in self._selector.select(0) if key.data is not None]:
                 for key, mask in events:
                     key.data(mask)
             if not self._due or not self._clock.reach(self._due[0][0]):
@@ -224,6 +226,11 @@ class Reactor:
         """Let the thread look again; nothing to do when it is this one that runs."""
         if threading.current_thread() is not self._thread:
             self._waker.send(b"\0")
+
+    def _be_awake(self) -> None:
+        """Take the calls to look again. Only the thread itself does: one taken by another would not have woken it."""
+        with suppress(BlockingIOError):
+            self._wakes.recv(4096)
 
     def _close_gone(self) -> None:
         """Close ports only in the thread that selects: some systems fail when a port is closed meanwhile."""

@@ -1,0 +1,31 @@
+"""Connecting drivers to a bench and letting them go."""
+
+from pathlib import Path
+
+from goniometer.assembly import connected
+from goniometer.bench import served_ports, simulate
+from goniometer.load_files import load_scene
+
+ROOT = Path(__file__).resolve().parents[2]
+
+
+def test_clients_come_and_go_while_another_thread_serves_the_bench():
+    """A sleeper serves the bench too, and must not take the call that was meant for the bench's own thread."""
+    setup = load_scene(ROOT / "scenes" / "iron.yaml")
+    with simulate(setup.scene, "max") as bench:
+        for _ in range(500):
+            with connected(setup.rig, served_ports(setup.rig, bench), bench.clock, 550.0) as devices:
+                assert devices.analyzer.slot() == 1
+                bench.clock.sleep(0.001)
+
+
+def test_connecting_moves_nothing():
+    setup = load_scene(ROOT / "scenes" / "iron.yaml")
+    with simulate(setup.scene, "max") as bench:
+        with connected(setup.rig, served_ports(setup.rig, bench), bench.clock, 550.0) as devices:
+            for _ in range(10):
+                bench.clock.sleep(0.1)
+                axes = (devices.source_arm, devices.detector_arm, devices.sample_azimuth)
+                assert [axis.position_deg() for axis in axes] == [0.0, 0.0, 0.0]
+                assert not any(axis.is_moving() for axis in axes)
+                assert devices.analyzer.slot() == 1
