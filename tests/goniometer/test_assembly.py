@@ -21,11 +21,13 @@ def test_clients_come_and_go_while_another_thread_serves_the_bench():
 
 def test_connecting_moves_nothing():
     setup = load_scene(ROOT / "scenes" / "iron.yaml")
-    with simulate(setup.scene, "max") as bench:
-        with connected(setup.rig, served_ports(setup.rig, bench), bench.clock, 550.0) as devices:
-            for _ in range(10):
-                bench.clock.sleep(0.1)
-                axes = (devices.source_arm, devices.detector_arm, devices.sample_azimuth)
-                assert [axis.position_deg() for axis in axes] == [0.0, 0.0, 0.0]
-                assert not any(axis.is_moving() for axis in axes)
-                assert devices.analyzer.slot() == 1
+    with (
+        simulate(setup.scene, "max") as bench,
+        connected(setup.rig, served_ports(setup.rig, bench), bench.clock, 550.0) as devices,
+    ):
+        for _ in range(10):
+            bench.clock.sleep(0.1)
+            axes = (devices.source_arm, devices.detector_arm, devices.sample_azimuth)
+            assert [axis.position_deg() for axis in axes] == [0.0, 0.0, 0.0]
+            assert not any(axis.is_moving() for axis in axes)
+            assert devices.analyzer.slot() == 1
