@@ -114,15 +114,20 @@ def run(
 
 def _scan(engine: Engine, bench: Bench, steps: Sequence[Step], clock: Clock, pipeline: Pipeline) -> None:
     start_s = clock.now()
-    reason = "finished"
+
+    def tell_end(reason: str) -> None:
+        pipeline.publish(ScanEnded(reason, engine.readings_taken, clock.now() - start_s))
+
     try:
         with stopped_afterwards(bench, clock):
             engine.run(steps)
     except BaseException as error:
-        reason = str(error) or type(error).__name__
+        try:
+            tell_end(str(error) or type(error).__name__)
+        except Exception as telling:  # noqa: BLE001 (noted: why the scan ended matters more than who could not hear it)
+            error.add_note(f"Its end could not be shown or timed: {telling}")
         raise
-    finally:
-        pipeline.publish(ScanEnded(reason, engine.readings_taken, clock.now() - start_s))
+    tell_end("finished")
 
 
 @contextmanager
