@@ -25,8 +25,8 @@ def recipe_on_rig(recipe: Recipe, file: YamlFile, rig: Rig, rig_path: Path) -> I
         longest_s = rig.detector.most_samples * sample_s
         yield file.fault(
             ("exposure_s",),
-            f"got {recipe.exposure_s:g}; allowed: at most {longest_s:g}, which are the {rig.detector.most_samples} samples "
-            f"that the detector in {rig_path} averages. Take more readings instead",
+            f"got {recipe.exposure_s:g}; allowed: at most {longest_s:g}, the most that the detector in {rig_path} "
+            "averages. Take more readings instead",
         )
     if abs(recipe.exposure_s - samples * sample_s) > _SAME_DURATION * recipe.exposure_s:
         yield file.fault(

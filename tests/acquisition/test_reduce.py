@@ -200,7 +200,9 @@ def test_the_variance_of_the_lamp_level_describes_its_scatter():
 def test_few_photons_do_not_bias_the_result():
     """Weights from the measured powers would favour readings that came out low."""
     photon_j = 6.62607015e-34 * 299792458.0 / 550e-9
-    noise = NoiseModel(read_w=2 * photon_j / EXPOSURE_S * math.sqrt(EXPOSURE_S / 0.003), sample_s=0.003, shot=True, wavelength_nm=550)
+    noise = NoiseModel(
+        read_w=2 * photon_j / EXPOSURE_S * math.sqrt(EXPOSURE_S / 0.003), sample_s=0.003, shot=True, wavelength_nm=550
+    )
     rng = np.random.default_rng(8)
     photons_of_s0 = BEAM_W * ACCEPTANCE_SR * math.cos(math.radians(37.0)) * EXPOSURE_S / photon_j
     s0, seen = 60.0 / photons_of_s0, []
