@@ -25,7 +25,7 @@ from goniometer.planning import plan, reduction
 from goniometer.run_folder import StoredRun, load, new_run_folder, scene_truth, write_results
 from goniometer.signals import Interruption
 
-_SWITCH_INTERVAL_S = 2e-4
+_SWITCH_INTERVAL_S = 5e-5
 """How long the live fit's thread may keep the interpreter from the scan's; Python's default of 5 ms would be felt."""
 
 
