@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import select
 import socket
+import sys
 import time
 
 import serial
@@ -11,6 +12,12 @@ import serial
 from goniometer.errors import NotConnectedError, ReplyError, ReplyTimeoutError
 
 _LONGEST_FRAME = 4096
+
+_PORT_ERRORS: tuple[type[Exception], ...] = (OSError, ValueError)
+if sys.platform != "win32":
+    import termios
+
+    _PORT_ERRORS += (termios.error,)  # pyserial lets it through
 
 
 def take_frame(received: bytearray, terminator: bytes) -> bytes | None:
@@ -55,36 +62,23 @@ class Link:
         reply_timeout_s: float = 1.0,
     ) -> None:
         self.port, self.device = port, device
+        self._baudrate, self._rtscts = baudrate, rtscts
         self._reply_timeout_s = reply_timeout_s
         self._received = bytearray()
         self._last_written = b""
-        try:
-            self._serial = serial.serial_for_url(
-                port,
-                baudrate=baudrate,
-                rtscts=rtscts,
-                timeout=reply_timeout_s,
-                write_timeout=reply_timeout_s,
-                exclusive=True,  # two programs on one port would take each other's answers
-            )
-        except (OSError, ValueError) as error:
-            raise NotConnectedError(
-                device,
-                f"port {port} cannot be opened ({error})",
-                not_done="nothing was sent to the device",
-                to_do="check power and cable, close other programs that use the port, and compare the port in the rig "
-                "file with the ports of this computer",
-            ) from error
-        # pyserial leaves Nagle's algorithm on: a command without an answer followed by a query would then wait some
-        # 40 ms for the other end's delayed acknowledgement. The socket has no public name in pyserial.
-        self._socket: socket.socket | None = getattr(self._serial, "_socket", None)
-        if self._socket is not None:
-            self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-            self._serial.timeout = 0
+        self._open()
+
+    def reopen(self) -> None:
+        """Close the port and open it again, once; raises NotConnectedError."""
+        self.close()
+        self._received.clear()
+        self._open()
 
     def write(self, data: bytes) -> None:
         """Send `data`; raises ReplyTimeoutError when the device does not take it."""
         self._last_written = data
+        if self._socket is not None:
+            self._received += self._receive(0.0)  # bytes sent after the other end has hung up vanish without an error
         try:
             self._serial.write(data)
         except serial.SerialTimeoutException as error:
@@ -94,7 +88,7 @@ class Link:
                 not_done="the command may have been sent in part",
                 to_do="check that the device is on and that its handshake lines are wired",
             ) from error
-        except (OSError, ValueError) as error:
+        except _PORT_ERRORS as error:
             raise self._lost(error) from error
 
     def read_until(self, terminator: bytes) -> bytes:
@@ -135,9 +129,28 @@ class Link:
         return self._take(terminator)
 
     def discard_input(self) -> None:
-        """Throw away what has come so far, so that an old answer is not taken for the next one."""
-        self._receive(0.0)
+        """Throw away all that has come so far, so that an old answer is not taken for the next one.
+
+        Raises
+        ------
+        ReplyError
+            When the device sends on and on for the reply timeout.
+        """
+        deadline_s = time.monotonic() + self._reply_timeout_s
         self._received.clear()
+        while data := self._receive(0.0):
+            if time.monotonic() > deadline_s:
+                raise ReplyError(
+                    self.device,
+                    f"bytes come on port {self.port} without a pause (such as {data[:40]!r})",
+                    not_done="nothing was sent to the device",
+                    to_do="check that the port belongs to this device and that the baud rates agree",
+                )
+
+    def has_input(self) -> bool:
+        """Whether anything has come that was not read; never waits."""
+        self._received += self._receive(0.0)
+        return bool(self._received)
 
     def close(self) -> None:
         """Close the port; may be called again."""
@@ -147,6 +160,35 @@ class Link:
             # pyserial sleeps 0.3 s when it closes a socket itself
             self._socket.close()
             self._serial.is_open = False
+
+    def _open(self) -> None:
+        try:
+            self._serial = serial.serial_for_url(
+                self.port,
+                baudrate=self._baudrate,
+                rtscts=self._rtscts,
+                timeout=self._reply_timeout_s,
+                write_timeout=self._reply_timeout_s,
+                exclusive=True,  # two programs on one port would take each other's answers
+            )
+        except _PORT_ERRORS as error:
+            raise NotConnectedError(
+                self.device,
+                f"port {self.port} cannot be opened ({error})",
+                not_done="nothing was sent to the device",
+                to_do="check power and cable, close other programs that use the port, and compare the port in the rig "
+                "file with the ports of this computer",
+            ) from error
+        # pyserial leaves Nagle's algorithm on: a command without an answer followed by a query would then wait some
+        # 40 ms for the other end's delayed acknowledgement. The socket has no public name in pyserial.
+        self._socket: socket.socket | None = getattr(self._serial, "_socket", None)
+        if self._socket is not None:
+            try:
+                self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+            except OSError as error:
+                self.close()
+                raise self._lost(error) from error
+            self._serial.timeout = 0
 
     def _take(self, terminator: bytes) -> bytes | None:
         frame = take_frame(self._received, terminator)
@@ -168,7 +210,7 @@ class Link:
             # a pyserial socket reads either one byte at a time or without waiting: wait here, then take all there is
             select.select([self._socket], [], [], wait_s)
             return self._serial.read(_LONGEST_FRAME)
-        except (OSError, ValueError) as error:
+        except _PORT_ERRORS as error:
             raise self._lost(error) from error
 
     def _lost(self, error: Exception) -> NotConnectedError:

@@ -68,8 +68,18 @@ class ModbusRtu:
             return
         if not self._client.connect():
             raise self._cannot_open()
+        self._unanswered = False
         if isinstance(self._client.socket, socket.socket):
-            self._client.socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+            try:
+                self._client.socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+            except OSError as error:
+                self.close()
+                raise self._cannot_open() from error
+
+    def reopen(self) -> None:
+        """Close the port and open it again, once; raises NotConnectedError."""
+        self.close()
+        self.open()
 
     def read_int32(self, address: int, count: int = 1) -> list[int]:
         """Read `count` signed 32-bit items from `address` on."""
@@ -80,6 +90,7 @@ class ModbusRtu:
         )
         words = response.registers
         if len(words) != 2 * count:
+            self._unanswered = True
             raise unusable(self._device, f"read of 0x{address:04X}", str(words), f"{2 * count} registers")
         items = (high << 16 | low for high, low in zip(words[::2], words[1::2], strict=True))
         return [item - (1 << 32) if item >= 1 << 31 else item for item in items]
@@ -87,23 +98,32 @@ class ModbusRtu:
     def write_int32(self, address: int, items: Sequence[int]) -> None:
         """Write signed 32-bit items from `address` on, all in one message."""
         words = [word for item in items for word in (item >> 16 & 0xFFFF, item & 0xFFFF)]
-        self._exchange(
-            16,
-            f"write to 0x{address:04X}",
-            lambda: self._client.write_registers(address, words, device_id=self._unit),
+        request = f"write to 0x{address:04X}"
+        response = self._exchange(
+            16, request, lambda: self._client.write_registers(address, words, device_id=self._unit)
+        )
+        self._check_echo(
+            request,
+            f"{response.count} registers from 0x{response.address:04X}",
+            f"{len(words)} registers from 0x{address:04X}",
         )
 
     def write_register(self, address: int, word: int) -> None:
         """Write one 16-bit register."""
-        self._exchange(
-            6,
-            f"write to 0x{address:04X}",
-            lambda: self._client.write_register(address, word, device_id=self._unit),
+        request = f"write to 0x{address:04X}"
+        response = self._exchange(6, request, lambda: self._client.write_register(address, word, device_id=self._unit))
+        self._check_echo(
+            request, f"0x{response.registers[0]:04X} at 0x{response.address:04X}", f"0x{word:04X} at 0x{address:04X}"
         )
 
     def close(self) -> None:
         """Close the port; may be called again."""
         self._client.close()  # type: ignore[no-untyped-call]  # pymodbus leaves it without types
+
+    def _check_echo(self, request: str, echoed: str, sent: str) -> None:
+        if echoed != sent:
+            self._unanswered = True
+            raise unusable(self._device, request, echoed, sent)
 
     def _exchange(self, function: int, request: str, send: Callable[[], ModbusPDU]) -> ModbusPDU:
         if self._unanswered:

@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 from drivers.clock import Clock, Deadline
-from goniometer.errors import LimitError, ReplyTimeoutError
+from goniometer.errors import LimitError, NotConnectedError, ReplyError, ReplyTimeoutError
+
+_LINK_ERRORS = (NotConnectedError, ReplyTimeoutError, ReplyError)
 
 
 def refuse_outside(name: str, target_deg: float, limits_deg: tuple[float, float]) -> None:
@@ -33,3 +37,28 @@ def still_moving(name: str, target_deg: float) -> ReplyTimeoutError:
         to_do="look whether something is in its way, and whether the velocity and acceleration in the rig file are "
         "those of the device",
     )
+
+
+def stop_or_warn(name: str, stop: Callable[[], None], reconnect: Callable[[], None]) -> None:
+    """Stop; when the link fails, open it afresh and stop once more, for an axis must not run on for a lost link.
+
+    Raises
+    ------
+    NotConnectedError
+        When the second attempt fails too: the axis may still be moving.
+    """
+    try:
+        stop()
+        return
+    except _LINK_ERRORS as error:
+        first = error
+    try:
+        reconnect()
+        stop()
+    except _LINK_ERRORS as error:
+        raise NotConnectedError(
+            name,
+            f"the stop did not get through ({first.happened}), nor over a fresh connection ({error.happened})",
+            not_done="the axis was not stopped and may still be moving",
+            to_do="cut its power or press the emergency stop now",
+        ) from error

@@ -2,14 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from typing import TypeVar
+
 from drivers.clock import Clock, Deadline
+from drivers.line_dialogue import LineDialogue
 from drivers.link import Link
-from drivers.motion import motion_deadline, refuse_outside, still_moving
+from drivers.motion import motion_deadline, refuse_outside, still_moving, stop_or_warn
 from drivers.newport_esp301_errors import ControllerError, parse_error
-from drivers.reply_text import number, unusable, whole_number
+from drivers.reply_text import number, switch, unusable, whole_number
 from goniometer.errors import DeviceFaultError, ReplyTimeoutError
 
+T = TypeVar("T")
+
 _UNIT_DEGREES = 7
+_NO_OPERATION = "WT0"  # wait for 0 ms; begins with a letter, so no number that was sent in part grows by it
 _ERROR_QUEUE_DEPTH = 10
 _LINE_PAUSE_S = 0.01  # the controller wants some 10 ms between lines when the first of them has no answer
 
@@ -29,7 +36,14 @@ class NewportEsp301:
         self.clock = clock
         self._link = link
         self._names: dict[int, str] = {}
-        self._unanswered = False
+        self._dialogue = LineDialogue(
+            link,
+            identity_question="VE?",
+            identity="ESP30",
+            command_end=b"\r",
+            answer_end=b"\r\n",
+            end_cut_command=lambda: self.send(_NO_OPERATION),
+        )
 
     def connect(self) -> tuple[str, ...]:
         """Check that an ESP300 or ESP301 answers, and empty its error queue; moves nothing.
@@ -39,7 +53,7 @@ class NewportEsp301:
         tuple of str
             The errors that were still in the queue from earlier use, oldest first.
         """
-        self._resynchronise()
+        self._dialogue.begin()
         return tuple(str(error) for error in self._pop_errors())
 
     def axis(
@@ -59,18 +73,22 @@ class NewportEsp301:
 
     def send(self, command: str) -> None:
         """Send a command that has no answer."""
-        self._link.write(command.encode("ascii") + b"\r")
+        self._dialogue.tell(command)
         self.clock.sleep(_LINE_PAUSE_S)
 
-    def query(self, question: str) -> str:
-        """Send a question and return the line that answers it."""
-        if self._unanswered:
-            self._resynchronise()
-        self._unanswered = True
-        self._link.write(question.encode("ascii") + b"\r")
-        answer = self._read_line()
-        self._unanswered = False
-        return answer
+    def query(self, question: str, read: Callable[[str], T]) -> T:
+        """Send a question and return what `read` makes of the line that answers it."""
+        return self._dialogue.query(question, read)
+
+    def stop(self, number: int) -> None:
+        """Stop one axis, whatever was sent before."""
+        self.send(_NO_OPERATION)  # what was sent in part before must not swallow the stop
+        self.send(f"{number}ST")
+
+    def reconnect(self) -> None:
+        """Open the port afresh; raises NotConnectedError."""
+        self._link.reopen()
+        self._dialogue.begin()
 
     def raise_errors(self, not_done: str) -> None:
         """Empty the error queue and raise DeviceFaultError, in the name of the axis at fault, if it held anything."""
@@ -90,26 +108,11 @@ class NewportEsp301:
 
     def _pop_errors(self) -> list[ControllerError]:
         errors: list[ControllerError] = []
-        while (error := parse_error(self._link.device, self.query("TB?"))) is not None:
+        while (error := self.query("TB?", lambda line: parse_error(self._link.device, line))) is not None:
             errors.append(error)
             if len(errors) > _ERROR_QUEUE_DEPTH:
                 raise unusable(self._link.device, "TB?", str(error), "the end of a queue of ten errors")
         return errors
-
-    def _resynchronise(self) -> None:
-        # Answers carry no sign of their question but come in order: the identity cannot be mistaken, and whatever
-        # comes before it answers a question that was given up.
-        self._unanswered = True
-        self._link.discard_input()
-        self._link.write(b"VE?\r")
-        for _ in range(_ERROR_QUEUE_DEPTH):
-            if (line := self._read_line()).startswith("ESP30"):
-                self._unanswered = False
-                return
-        raise unusable(self._link.device, "VE?", line, "the identity of an ESP300 or ESP301")
-
-    def _read_line(self) -> str:
-        return self._link.read_until(b"\r\n").decode("ascii", errors="replace").strip()
 
 
 class Esp301Axis:
@@ -142,7 +145,7 @@ class Esp301Axis:
             When there is no stage, its unit is not the degree, or the controller refuses a setting.
         """
         try:
-            model = self._query("ID?").split(",")[0].strip()
+            model = self._query("ID?", _stage_model)
         except ReplyTimeoutError:
             self._controller.raise_errors(not_done="the axis was not set up")  # says so if there is no such axis
             raise
@@ -153,7 +156,7 @@ class Esp301Axis:
                 not_done="nothing was set and nothing was moved",
                 to_do="check the stage's plug and the axis number in the rig file",
             )
-        unit = whole_number(self.name, f"{self._number}SN?", self._query("SN?"))
+        unit = self._query("SN?", whole_number)
         if unit != _UNIT_DEGREES:
             raise DeviceFaultError(
                 self.name,
@@ -166,7 +169,7 @@ class Esp301Axis:
         self._send(f"AG{self.acceleration_deg_s2:.6f}")
         self._send("MO")
         self._controller.raise_errors(not_done="the axis was not set up")
-        if self._query("MO?") != "1":
+        if not self._query("MO?", switch):
             raise DeviceFaultError(
                 self.name,
                 "the motor stays off",
@@ -195,26 +198,37 @@ class Esp301Axis:
 
     def is_moving(self) -> bool:
         """Ask whether the motion goes on; raises DeviceFaultError or ReplyTimeoutError when it has failed."""
-        answer = self._query("MD?")
-        if answer == "1":
+        if self._query("MD?", switch):
             self._controller.raise_errors(not_done=f"the move of {self.name} to {self._target_deg:g} degrees")
             return False
-        if answer != "0":
-            raise unusable(self.name, f"{self._number}MD?", answer, "0 or 1")
         if self._deadline is not None and self._deadline.has_passed():
             raise still_moving(self.name, self._target_deg)
         return True
 
     def position_deg(self) -> float:
         """Where the encoder says the axis is."""
-        return number(self.name, f"{self._number}TP?", self._query("TP?"))
+        return self._query("TP?", number)
 
     def stop(self) -> None:
-        """Stop with the set deceleration; safe at any time, also when an exchange was interrupted: it has no answer."""
-        self._send("ST")
+        """Stop with the set deceleration; safe at any time, also when an exchange was interrupted: it has no answer.
+
+        Raises
+        ------
+        NotConnectedError
+            When the link is gone and a fresh connection fails too: the axis may still be moving.
+        """
+        stop_or_warn(self.name, lambda: self._controller.stop(self._number), self._controller.reconnect)
 
     def _send(self, command: str) -> None:
         self._controller.send(f"{self._number}{command}")
 
-    def _query(self, question: str) -> str:
-        return self._controller.query(f"{self._number}{question}")
+    def _query(self, question: str, read: Callable[[str, str, str], T]) -> T:
+        question = f"{self._number}{question}"
+        return self._controller.query(question, lambda answer: read(self.name, question, answer))
+
+
+def _stage_model(device: str, question: str, answer: str) -> str:
+    """Read ``URS100CC, SN1234``: the model, empty when there is no stage."""
+    if answer and "," not in answer:
+        raise unusable(device, question, answer, "a stage's model and serial number")
+    return answer.split(",")[0].strip()

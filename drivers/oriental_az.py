@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from drivers.clock import Clock, Deadline
 from drivers.modbus_rtu import ModbusRtu
-from drivers.motion import motion_deadline, refuse_outside, still_moving
+from drivers.motion import motion_deadline, refuse_outside, still_moving, stop_or_warn
 from goniometer.errors import DeviceFaultError
 
 DIRECT_DATA = 0x0058  # eight items: data number, type, position, speed, two rates, current, trigger
@@ -154,13 +154,22 @@ class OrientalAz:
         return self._modbus.read_int32(FEEDBACK_POSITION)[0] / self._steps_per_deg
 
     def stop(self) -> None:
-        """Stop with the set deceleration; safe at any time."""
-        self._modbus.write_register(DRIVER_INPUT_LOW, INPUT_STOP)
-        self._modbus.write_register(DRIVER_INPUT_LOW, 0)
+        """Stop with the set deceleration; safe at any time.
+
+        Raises
+        ------
+        NotConnectedError
+            When the link is gone and a fresh connection fails too: the axis may still be moving.
+        """
+        stop_or_warn(self.name, self._stop, self._modbus.reopen)
 
     def close(self) -> None:
         """Close the port; the motor stays powered and holds its position."""
         self._modbus.close()
+
+    def _stop(self) -> None:
+        self._modbus.write_register(DRIVER_INPUT_LOW, INPUT_STOP)
+        self._modbus.write_register(DRIVER_INPUT_LOW, 0)
 
     def _output(self, not_done: str) -> int:
         output, alarm = self._modbus.read_int32(DRIVER_OUTPUT, 2)

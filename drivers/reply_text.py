@@ -1,4 +1,4 @@
-"""Numbers in answers that are text: read strictly, so that garbage is never taken for a value."""
+"""Values in answers that are text: read strictly, so that garbage is never taken for a value."""
 
 from __future__ import annotations
 
@@ -21,6 +21,13 @@ def whole_number(device: str, question: str, answer: str) -> int:
     if not re.fullmatch(r"[+-]?[0-9]{1,9}", answer):
         raise unusable(device, question, answer, "a whole number")
     return int(answer)
+
+
+def switch(device: str, question: str, answer: str) -> bool:
+    """Read ``0`` or ``1``; raises ReplyError otherwise."""
+    if answer not in ("0", "1"):
+        raise unusable(device, question, answer, "0 or 1")
+    return answer == "1"
 
 
 def unusable(device: str, question: str, answer: str, expected: str) -> ReplyError:

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from typing import TypeVar
 
 from drivers.clock import Clock, Deadline
 from drivers.link import Link
 from drivers.reply_text import unusable, whole_number
 from goniometer.errors import DeviceFaultError, LimitError, PositionError, ReplyTimeoutError
+
+T = TypeVar("T")
 
 _PROMPT = b"> "
 _POLL_S = 0.01
@@ -50,20 +54,24 @@ class ThorlabsFw102c:
         self.name, self.slots, self.slot_s, self.settle_s = name, slots, slot_s, settle_s
         self._link = link
         self._clock = clock
-        self._unanswered = False
+        self._in_step = True  # nothing was asked yet; `connect` proves it
+        self._marks = 0
         self._target: int | None = None
         self._deadline = Deadline(clock, 0.0)
 
     def connect(self) -> None:
-        """Wake the wheel, check what it is and how many slots it has; moves nothing.
+        """Check that a wheel answers and how many slots it has; moves nothing.
 
         Raises
         ------
+        ReplyError
+            When another device answers.
         DeviceFaultError
             When the wheel has another number of slots than the rig file says.
         """
-        self._resynchronise()
-        slots = whole_number(self.name, "pcount?", self._query("pcount?"))
+        self._in_step = False
+        self._query("*idn?", _identity)
+        slots = self._query("pcount?", whole_number)
         if slots != self.slots:
             raise DeviceFaultError(
                 self.name,
@@ -105,7 +113,7 @@ class ThorlabsFw102c:
                 raise self._not_arrived(f"slot {self._target} was not reached")
             return True
         target, self._target = self._target, None
-        self._answer_in(frame, f"pos={target}")
+        self._accept(frame, f"pos={target}", _nothing)
         reached = self.slot()
         if reached != target:
             raise PositionError(
@@ -118,7 +126,7 @@ class ThorlabsFw102c:
 
     def slot(self) -> int:
         """Which slot the wheel says is in the beam; after a motion that was not waited for, waits for its end."""
-        return whole_number(self.name, "pos?", self._query("pos?"))
+        return self._query("pos?", whole_number)
 
     def stop(self) -> None:
         """Do nothing: the wheel has no command to stop and ends its motion by itself within seconds.
@@ -136,44 +144,49 @@ class ThorlabsFw102c:
         return 1.0 + 4.0 * (self.slots // 2)  # the wheel takes the shorter way round
 
     def _write(self, command: str) -> None:
-        if self._unanswered:
+        if not self._in_step:
             self._resynchronise()
-        self._unanswered = True
+        self._in_step = False
         self._link.write(command.encode("ascii") + b"\r")
 
-    def _query(self, question: str) -> str:
+    def _query(self, question: str, read: Callable[[str, str, str], T]) -> T:
         self._write(question)
-        return self._answer_in(self._link.read_until(_PROMPT), question)
+        return self._accept(self._link.read_until(_PROMPT), question, read)
 
-    def _answer_in(self, frame: bytes, command: str) -> str:
+    def _accept(self, frame: bytes, command: str, read: Callable[[str, str, str], T]) -> T:
         exchange = parse_exchange(frame)
         if exchange.echo != command:
             raise unusable(self.name, command, frame.decode("ascii", errors="replace"), "its echo and an answer")
-        self._unanswered = False
         if exchange.answer.startswith("Command error"):
+            self._in_step = True
             raise DeviceFaultError(
                 self.name,
                 f"the wheel refused {command!r}: {exchange.answer}",
                 not_done="the command was not carried out",
                 to_do="check that the device is an FW102C or FW212C and that the rig file has its number of slots",
             )
-        return exchange.answer
+        value = read(self.name, command, exchange.answer)
+        self._in_step = True
+        return value
 
     def _resynchronise(self) -> None:
-        # Answers come in order, so whatever comes before the identity belongs to commands that were given up, also a
-        # motion that has not ended. The first carriage return ends a command that was sent in part.
-        self._unanswered = True
+        # Answers come in order, so whatever comes before the echo of a mark that was never sent before belongs to
+        # commands that were given up, also a motion that has not ended. The mark is no command: with a command that was
+        # typed in part it makes one that the wheel refuses. The nines take a slot number out of range, also for a wheel
+        # that reads a number no further than its digits; a carriage return alone would carry out a half-typed motion.
         self._target = None
+        self._marks += 1
+        mark = f"999!{self._marks}"
         self._link.discard_input()
-        self._link.write(b"\r*idn?\r")
+        self._link.write(mark.encode("ascii") + b"\r")
         deadline = Deadline(self._clock, self._longest_motion_s)
         self._clock.sleep(_POLL_S)  # in virtual time the answer is there now, whichever thread ran first
-        while (frame := self._link.poll_until(_PROMPT)) is None or b"THORLABS" not in frame.upper():
+        while (frame := self._link.poll_until(_PROMPT)) is None or not parse_exchange(frame).echo.endswith(mark):
             if deadline.has_passed():
-                raise self._not_arrived("nothing was sent but the question who it is")
+                raise self._not_arrived("nothing but a mark that is no command was sent")
             if frame is None:
                 self._clock.sleep(_POLL_S)
-        self._unanswered = False
+        self._in_step = True
 
     def _not_arrived(self, not_done: str) -> ReplyTimeoutError:
         return ReplyTimeoutError(
@@ -182,3 +195,14 @@ class ThorlabsFw102c:
             not_done=not_done,
             to_do="check that the wheel is on, turns freely and has the baud rate of the rig file",
         )
+
+
+def _identity(device: str, question: str, answer: str) -> str:
+    if "THORLABS" not in answer.upper():
+        raise unusable(device, question, answer, "the identity of a Thorlabs filter wheel")
+    return answer
+
+
+def _nothing(device: str, question: str, answer: str) -> None:
+    if answer:
+        raise unusable(device, question, answer, "a prompt and nothing else")

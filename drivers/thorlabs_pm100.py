@@ -3,15 +3,22 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Callable
+from typing import TypeVar
 
 from drivers.clock import Clock, Deadline
+from drivers.line_dialogue import LineDialogue
 from drivers.link import Link
 from drivers.reply_text import number, unusable, whole_number
 from goniometer.errors import DeviceFaultError, LimitError, ReplyError, ReplyTimeoutError
 
+T = TypeVar("T")
+
 _OVER_RANGE = 9.9e37
 _READING = "MEAS:POW?"
+_WATTS = "SENS:POW:UNIT W"
 _MOST_ERRORS = 32
+_MOST_SAMPLES = 3000
 _ERROR = re.compile(r"([+-]?\d+)\s*,\s*\"?([^\"]*)\"?", re.ASCII)
 
 
@@ -48,10 +55,17 @@ class ThorlabsPm100:
         self.actual_exposure_s = 0.0
         self._link = link
         self._clock = clock
-        self._unanswered = False
+        self._dialogue = LineDialogue(
+            link,
+            identity_question="*IDN?",
+            identity="THORLABS",
+            command_end=b"\n",
+            answer_end=b"\n",
+            end_cut_command=lambda: self._dialogue.tell(_WATTS),
+        )
         self._averaged: int | None = None
         self._deadline = Deadline(clock, 0.0)
-        self._reading: str | None = None
+        self._reading_w: float | None = None
 
     def connect(self) -> tuple[str, ...]:
         """Check that a Thorlabs meter answers, empty its error queue, set watts and automatic range.
@@ -61,10 +75,10 @@ class ThorlabsPm100:
         tuple of str
             The errors that were still in the queue from earlier use, oldest first.
         """
-        self._resynchronise()
+        self._dialogue.begin()
         earlier_errors = self._pop_errors()
-        self._write("SENS:POW:UNIT W")
-        self._write("SENS:POW:RANG:AUTO 1")
+        self._dialogue.tell(_WATTS)
+        self._dialogue.tell("SENS:POW:RANG:AUTO 1")
         refused = self._pop_errors()
         if refused:
             raise DeviceFaultError(
@@ -85,7 +99,7 @@ class ThorlabsPm100:
         ReplyError
             When the meter holds another wavelength afterwards.
         """
-        low_nm, high_nm = self._number("SENS:CORR:WAV? MIN"), self._number("SENS:CORR:WAV? MAX")
+        low_nm, high_nm = self._query("SENS:CORR:WAV? MIN", number), self._query("SENS:CORR:WAV? MAX", number)
         if not low_nm <= wavelength_nm <= high_nm:
             raise LimitError(
                 self.name,
@@ -93,33 +107,53 @@ class ThorlabsPm100:
                 not_done="the wavelength was not changed",
                 to_do="change wavelength_nm in the recipe, or use another sensor",
             )
-        self._write(f"SENS:CORR:WAV {wavelength_nm:g}")
-        held_nm = self._number("SENS:CORR:WAV?")
+        self._dialogue.tell(f"SENS:CORR:WAV {wavelength_nm:g}")
+        held_nm = self._query("SENS:CORR:WAV?", number)
         if abs(held_nm - wavelength_nm) > 0.5:  # some meters hold whole nanometres
             raise unusable(self.name, "SENS:CORR:WAV?", f"{held_nm:g}", f"the {wavelength_nm:g} nm just set")
 
     def start_reading(self, exposure_s: float) -> None:
-        """Begin a reading averaged over the whole number of samples, one at least, nearest to `exposure_s`."""
+        """Begin a reading averaged over the whole number of samples, one at least, nearest to `exposure_s`.
+
+        Raises
+        ------
+        LimitError
+            When the meter cannot average over so long an exposure; nothing is sent.
+        """
+        if not 0 < exposure_s / self.sample_s < _MOST_SAMPLES + 0.5:
+            raise LimitError(
+                self.name,
+                f"an exposure of {exposure_s:g} s is not between 0 and {_MOST_SAMPLES * self.sample_s:g} s, the "
+                f"{_MOST_SAMPLES} samples of {self.sample_s:g} s that the meter can average",
+                not_done="the reading was not begun and nothing was sent",
+                to_do="change exposure_s in the recipe, and take more readings instead of a longer one",
+            )
         count = max(1, round(exposure_s / self.sample_s))
         if count != self._averaged:
-            self._write(f"SENS:AVER {count}")
-            held = whole_number(self.name, "SENS:AVER?", self._query("SENS:AVER?"))
+            self._averaged = None
+            self._dialogue.tell(f"SENS:AVER {count}")
+            held = self._query("SENS:AVER?", whole_number)
             if held != count:
                 raise unusable(self.name, "SENS:AVER?", str(held), f"the averaging count {count} just set")
             self._averaged = count
         self.actual_exposure_s = count * self.sample_s
-        self._reading = None
-        self._ask(_READING)
+        self._reading_w = None
+        self._dialogue.ask(_READING)
         self._deadline = Deadline(self._clock, 2 * self.actual_exposure_s + 2.0)
 
     def is_reading(self) -> bool:
-        """Whether the reading is still to come; raises ReplyTimeoutError after twice the exposure and 2 s."""
-        if self._reading is not None:
-            return False
-        line = self._link.poll_until(b"\n")
-        if line is not None:
-            self._unanswered = False
-            self._reading = line.decode("ascii", errors="replace").strip()
+        """Whether the reading is still to come.
+
+        Raises
+        ------
+        ReplyTimeoutError
+            When it has not come after twice the exposure and 2 s.
+        ReplyError
+            When what has come is not a number.
+        """
+        if self._reading_w is None:
+            self._reading_w = self._dialogue.poll(lambda answer: number(self.name, _READING, answer))
+        if self._reading_w is not None:
             return False
         if self._deadline.has_passed():
             raise ReplyTimeoutError(
@@ -138,24 +172,23 @@ class ThorlabsPm100:
         DeviceFaultError
             When the detector was saturated.
         ReplyError
-            When no reading has been finished, or it is not a number.
+            When no reading has been finished.
         """
-        if self._reading is None:
+        if self._reading_w is None:
             raise ReplyError(
                 self.name,
                 "there is no finished reading",
                 not_done="no power was returned",
                 to_do="begin a reading, and ask for its power when it has ended",
             )
-        power_w = number(self.name, _READING, self._reading)
-        if abs(power_w) >= _OVER_RANGE:
+        if abs(self._reading_w) >= _OVER_RANGE:
             raise DeviceFaultError(
                 self.name,
-                f"the detector was saturated (the meter answered {self._reading})",
+                f"the detector was saturated (the meter answered {self._reading_w:g})",
                 not_done="the reading was thrown away",
                 to_do="weaken the beam, or use a sensor for more power",
             )
-        return power_w
+        return self._reading_w
 
     def close(self) -> None:
         """Close the port."""
@@ -163,42 +196,11 @@ class ThorlabsPm100:
 
     def _pop_errors(self) -> list[str]:
         errors: list[str] = []
-        while (error := parse_error(self.name, self._query("SYST:ERR?")))[0] != 0:
+        while (error := self._dialogue.query("SYST:ERR?", lambda line: parse_error(self.name, line)))[0] != 0:
             errors.append(f"{error[0]} {error[1]}")
             if len(errors) > _MOST_ERRORS:
                 raise unusable(self.name, "SYST:ERR?", errors[-1], f"the end of a queue of {_MOST_ERRORS} errors")
         return errors
 
-    def _resynchronise(self) -> None:
-        # Answers come in order and carry no sign of their question, but the identity cannot be mistaken: whatever
-        # comes before it answers a question that was given up.
-        self._unanswered = True
-        self._link.discard_input()
-        self._write("*IDN?")
-        for _ in range(_MOST_ERRORS):
-            line = self._read_line()
-            if line.upper().startswith("THORLABS"):
-                self._unanswered = False
-                return
-        raise unusable(self.name, "*IDN?", line, "the identity of a Thorlabs meter")
-
-    def _write(self, command: str) -> None:
-        self._link.write(command.encode("ascii") + b"\n")
-
-    def _ask(self, question: str) -> None:
-        if self._unanswered:
-            self._resynchronise()
-        self._unanswered = True
-        self._write(question)
-
-    def _query(self, question: str) -> str:
-        self._ask(question)
-        answer = self._read_line()
-        self._unanswered = False
-        return answer
-
-    def _number(self, question: str) -> float:
-        return number(self.name, question, self._query(question))
-
-    def _read_line(self) -> str:
-        return self._link.read_until(b"\n").decode("ascii", errors="replace").strip()
+    def _query(self, question: str, read: Callable[[str, str, str], T]) -> T:
+        return self._dialogue.query(question, lambda answer: read(self.name, question, answer))

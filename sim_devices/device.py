@@ -8,7 +8,7 @@ Replies = list[tuple[float, bytes]]
 
 
 class Session(Protocol):
-    """One client's conversation with a device; it owns what has arrived of an unfinished command, and nothing else."""
+    """One client's conversation with a device; it owns at most what has arrived of an unfinished command."""
 
     def receive(self, data: bytes, now_s: float) -> Replies:
         """Take what has arrived and return the replies with the times at which they are due, in order."""

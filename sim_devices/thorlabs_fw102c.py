@@ -20,7 +20,8 @@ _SETTING = re.compile(r"(pos|pcount|speed|trig|sensors|baud)(\?|=(.*))")
 class ThorlabsFw102c:
     """A wheel that works through what it is sent one character after the other.
 
-    A turn keeps it busy: what arrives meanwhile is echoed and run on arrival.
+    A turn keeps it busy: what arrives meanwhile is echoed and run on arrival. It has one input: a client finds what
+    another one has left half typed.
 
     Parameters
     ----------
@@ -33,6 +34,7 @@ class ThorlabsFw102c:
     def __init__(self, wheel: Wheel, slots: Collection[int]) -> None:
         self._wheel = wheel
         self._settings = {"pcount": len(slots), "speed": 1, "trig": 0, "sensors": 0, "baud": 1}
+        self._typed = b""
         self._free_s = 0.0
 
     def session(self) -> _Session:
@@ -43,11 +45,33 @@ class ThorlabsFw102c:
         """When a character that arrives now is taken."""
         return max(now_s, self._free_s)
 
-    def step(self, direction: int, now_s: float) -> None:
-        """Turn by one slot, as the cursor keys do."""
+    def take(self, character: int, now_s: float) -> Replies:
+        """Take one typed character: its echo, or the answer to the command that it ends."""
+        if character in b"\0\n":
+            return []
+        if character == _ESCAPE or self._typed[:1] == b"\x1b":
+            self._take_cursor_key(character, now_s)
+            return []
+        if character != ord("\r"):
+            # a command that is too long for the device's memory stays one that it does not know
+            self._typed = (self._typed + bytes([character]))[:_LONGEST_COMMAND]
+            return [(now_s, bytes([character]))]
+        command, self._typed = self._typed.decode("ascii", "replace"), b""
+        answer = self._run(command, now_s)
+        return [(now_s, b"\r" + answer), (self.free_s(now_s), _PROMPT)]
+
+    def _take_cursor_key(self, character: int, now_s: float) -> None:
+        self._typed = b"\x1b" if character == _ESCAPE else self._typed + bytes([character])
+        if self._typed in (_NEXT, _PREVIOUS):
+            self._step(1 if self._typed == _NEXT else -1, now_s)
+            self._typed = b""
+        elif not _NEXT.startswith(self._typed) and not _PREVIOUS.startswith(self._typed):
+            self._typed = b""
+
+    def _step(self, direction: int, now_s: float) -> None:
         self._turn((self._wheel.target - 1 + direction) % self._settings["pcount"] + 1, now_s)
 
-    def run(self, command: str, now_s: float) -> bytes:
+    def _run(self, command: str, now_s: float) -> bytes:
         """Run one command and return what comes between echo and prompt; the device is free once it is done."""
         if command == "*idn?":
             return _IDENTITY
@@ -83,38 +107,14 @@ class ThorlabsFw102c:
 class _Session:
     def __init__(self, device: ThorlabsFw102c) -> None:
         self._device = device
-        self._typed = b""
 
     def receive(self, data: bytes, now_s: float) -> Replies:
         """Echo every character as the device takes it; a carriage return runs the command."""
         replies: Replies = []
         for character in data:
-            taken_s = self._device.free_s(now_s)
-            for due_s, text in self._take(character, taken_s):
+            for due_s, text in self._device.take(character, self._device.free_s(now_s)):
                 if replies and replies[-1][0] == due_s:
                     replies[-1] = due_s, replies[-1][1] + text
                 else:
                     replies.append((due_s, text))
         return replies
-
-    def _take(self, character: int, now_s: float) -> Replies:
-        if character in b"\0\n":
-            return []
-        if character == _ESCAPE or self._typed[:1] == b"\x1b":
-            self._take_cursor_key(character, now_s)
-            return []
-        if character != ord("\r"):
-            # a command that is too long for the device's memory stays one that it does not know
-            self._typed = (self._typed + bytes([character]))[:_LONGEST_COMMAND]
-            return [(now_s, bytes([character]))]
-        command, self._typed = self._typed.decode("ascii", "replace"), b""
-        answer = self._device.run(command, now_s)
-        return [(now_s, b"\r" + answer), (self._device.free_s(now_s), _PROMPT)]
-
-    def _take_cursor_key(self, character: int, now_s: float) -> None:
-        self._typed = b"\x1b" if character == _ESCAPE else self._typed + bytes([character])
-        if self._typed in (_NEXT, _PREVIOUS):
-            self._device.step(1 if self._typed == _NEXT else -1, now_s)
-            self._typed = b""
-        elif not _NEXT.startswith(self._typed) and not _PREVIOUS.startswith(self._typed):
-            self._typed = b""

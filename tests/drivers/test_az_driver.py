@@ -127,6 +127,55 @@ def test_stop_is_the_published_frame_and_is_released(stage):
     assert peer.commands == [STOP, STOP_OFF, STOP, STOP_OFF]
 
 
+def test_stop_opens_a_lost_link_once_more(stage):
+    peer, stage = stage()
+    stage.connect()
+    peer.vanish()
+    stage.stop()
+    assert peer.commands[-2:] == [STOP, STOP_OFF]
+    assert peer.connections == 2
+
+
+def test_stop_that_cannot_be_sent_tells_to_cut_the_power(stage):
+    peer, stage = stage()
+    stage.connect()
+    peer.close()
+    with pytest.raises(
+        NotConnectedError,
+        match=r"sample_azimuth: .* may still be moving\. What to do: cut its power or press the emergency stop now",
+    ):
+        stage.stop()
+
+
+def test_socket_that_dies_while_it_is_opened_is_not_connected(stage, monkeypatch):
+    _, stage = stage()
+
+    def refuse(*_):
+        raise OSError("bad descriptor")
+
+    monkeypatch.setattr(socket.socket, "setsockopt", refuse)
+    with pytest.raises(NotConnectedError, match="may still be moving"):
+        stage.stop()
+
+
+@pytest.mark.parametrize("echo", ["01 06 00 7D 00 00", "01 06 00 7C 00 20"])
+def test_write_of_one_register_that_is_not_echoed_is_refused(make_peer, echo):
+    peer = make_peer({STOP: [with_crc(bytes.fromhex(echo)), STOP]}, split=split)
+    modbus = ModbusRtu(peer.port, device="stage", unit=1, baudrate=115200, parity="E", reply_timeout_s=2)
+    with pytest.raises(ReplyError, match=r"stage: the answer to 'write to 0x007D' is .* not 0x0020 at 0x007D"):
+        modbus.write_register(0x007D, 0x20)
+    modbus.write_register(0x007D, 0x20)
+    assert peer.connections == 2
+    modbus.close()
+
+
+@pytest.mark.parametrize("echo", ["01 10 00 58 00 0F", "01 10 00 5A 00 10"])
+def test_move_that_is_not_echoed_is_refused(stage, echo):
+    _, stage = stage({MOVE: with_crc(bytes.fromhex(echo))})
+    with pytest.raises(ReplyError, match=r"'write to 0x0058' is .* not 16 registers from 0x0058"):
+        stage.start_move(170)
+
+
 def test_connects_without_moving(stage):
     peer, stage = stage()
     stage.connect()

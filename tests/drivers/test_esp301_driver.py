@@ -1,14 +1,17 @@
 from __future__ import annotations
 
+import select
+
 import pytest
 
 from drivers.newport_esp301 import NewportEsp301
 from drivers.newport_esp301_errors import ControllerError, parse_error
-from goniometer.errors import DeviceFaultError, LimitError, ReplyError, ReplyTimeoutError
+from goniometer.errors import DeviceFaultError, LimitError, NotConnectedError, ReplyError, ReplyTimeoutError
 
+IDENTITY = b"ESP301 Version 3.0.1 6/1/99\r\n"
 CLEAN = b"0, 451322, NO ERROR DETECTED\r\n"
 ANSWERS = {
-    b"VE?": b"ESP301 Version 3.0.1 6/1/99\r\n",
+    b"VE?": IDENTITY,
     b"TB?": CLEAN,
     b"1ID?": b"URS100CC, SN1234\r\n",
     b"1SN?": b"7\r\n",
@@ -42,7 +45,7 @@ def arm(make_peer, open_link, clock):
 def test_controller_connects_without_moving_and_returns_old_errors(arm):
     peer, controller, _ = arm(TB=[b"6, 5, COMMAND DOES NOT EXIST\r\n", b"213, 9, AXIS-2 MOTOR NOT ENABLED\r\n", CLEAN])
     assert controller.connect() == ("error 6, command does not exist", "error 213, motor not enabled (axis 2)")
-    assert peer.commands == [b"VE?", b"TB?", b"TB?", b"TB?"]
+    assert peer.commands == [b"WT0", b"VE?", b"TB?", b"TB?", b"TB?"]
 
 
 def test_axis_connects_without_moving(arm):
@@ -50,15 +53,17 @@ def test_axis_connects_without_moving(arm):
     controller.connect()
     axis.connect()
     assert peer.commands == [
-        *(b"VE?", b"TB?", b"1ID?", b"1SN?"),
+        *(b"WT0", b"VE?", b"TB?", b"1ID?", b"1SN?"),
         *(b"1VA20.000000", b"1AC80.000000", b"1AG80.000000", b"1MO", b"TB?", b"1MO?"),
     ]
     assert (axis.name, axis.settle_s, axis.tolerance_deg) == ("source_arm", 0.05, 0.005)
 
 
 def test_other_device_on_the_port_is_refused(arm):
-    _, controller, _ = arm(VE=b"COMMAND ERROR\r\n" * 10)
-    with pytest.raises(ReplyError, match=r"arms: the answer to 'VE\?' is 'COMMAND ERROR', .* identity of an ESP300"):
+    _, controller, _ = arm(VE=b"COMMAND ERROR\r\n" * 40)
+    with pytest.raises(
+        ReplyError, match=r"arms: the answer to 'VE\?' is 'COMMAND ERROR', .* identity with ESP30 in it"
+    ):
         controller.connect()
 
 
@@ -191,7 +196,47 @@ def test_stop_needs_no_answer_may_be_repeated_and_interrupts_an_exchange(arm, un
         axis.position_deg()
     axis.stop()
     axis.stop()
-    until(lambda: peer.commands == [b"1TP?", b"1ST", b"1ST"])
+    until(lambda: peer.commands == [b"1TP?", b"WT0", b"1ST", b"WT0", b"1ST"])
+
+
+def test_command_sent_in_part_neither_becomes_a_motion_nor_swallows_the_stop(arm, until):
+    peer, controller, axis = arm()
+    controller._link.write(b"2PA45.")
+    axis.stop()
+    until(lambda: peer.commands == [b"2PA45.WT0", b"1ST"])
+
+
+def test_stop_opens_a_lost_link_once_more(arm, until):
+    peer, controller, axis = arm()
+    controller.connect()
+    peer.vanish()
+    until(lambda: bool(select.select([controller._link._socket], [], [], 0)[0]))
+    axis.stop()
+    until(lambda: peer.commands[-2:] == [b"WT0", b"1ST"])
+    assert peer.connections == 2
+    assert axis.position_deg() == 12.5
+
+
+def test_stop_on_a_link_that_was_found_lost_before_reaches_the_controller_too(arm, until):
+    peer, controller, axis = arm()
+    controller.connect()
+    peer.vanish()
+    with pytest.raises(NotConnectedError, match="is gone"):
+        axis.is_moving()
+    axis.stop()
+    until(lambda: peer.commands[-2:] == [b"WT0", b"1ST"])
+
+
+def test_stop_that_cannot_be_sent_tells_to_cut_the_power(arm, until):
+    peer, controller, axis = arm()
+    controller.connect()
+    peer.close()
+    until(lambda: bool(select.select([controller._link._socket], [], [], 0)[0]))
+    with pytest.raises(
+        NotConnectedError,
+        match=r"source_arm: .* may still be moving\. What to do: cut its power or press the emergency stop now",
+    ):
+        axis.stop()
 
 
 def test_late_answer_is_not_taken_for_the_next_one(arm):
@@ -201,7 +246,55 @@ def test_late_answer_is_not_taken_for_the_next_one(arm):
     with pytest.raises(ReplyTimeoutError, match="1TP"):
         axis.position_deg()
     assert axis.position_deg() == 34.0
-    assert peer.commands == [b"1TP?", b"VE?", b"1TP?"]
+    assert peer.commands == [b"1TP?", b"WT0", b"VE?", b"1TP?"]
+
+
+def test_late_identity_does_not_put_answers_one_question_behind(arm):
+    answers = {"1TP": [b"", b"34.000000\r\n", b"35.000000\r\n"], "VE": [b"", b"12.500000\r\n" + 2 * IDENTITY]}
+    _, _, axis = arm(reply_timeout_s=0.05, **answers)
+    for question in ("1TP", "VE"):
+        with pytest.raises(ReplyTimeoutError, match=question):
+            axis.position_deg()
+    assert [axis.position_deg(), axis.position_deg()] == [34.0, 35.0]
+
+
+def test_answers_are_not_trusted_while_an_identity_is_still_to_come(arm):
+    _, _, axis = arm(reply_timeout_s=0.05, **{"1TP": [b"", b"34.000000\r\n"], "VE": [b"", IDENTITY, 2 * IDENTITY]})
+    for question in ("1TP", "VE", "VE"):
+        with pytest.raises(ReplyTimeoutError, match=question):
+            axis.position_deg()
+    assert axis.position_deg() == 34.0
+
+
+@pytest.mark.parametrize("question", ["1TP", "1MD", "1SN", "1ID", "TB"])
+def test_answer_that_is_none_is_proof_of_nothing(arm, question):
+    usable = ANSWERS[question.encode() + b"?"]
+    peer, controller, axis = arm(**{question: [b"3.5.7\r\n", usable]})
+    use = {
+        "1TP": axis.position_deg,
+        "1MD": axis.is_moving,
+        "TB": lambda: controller.raise_errors("nothing"),
+    }.get(question, axis.connect)
+    with pytest.raises(ReplyError, match=question):
+        use()
+    asked = len(peer.commands)
+    use()
+    assert peer.commands[asked : asked + 2] == [b"WT0", b"VE?"]
+
+
+def test_line_that_nobody_asked_for_is_not_an_answer(arm, until):
+    peer, controller, axis = arm()
+    controller.connect()
+    peer.say(b"99.000000\r\n")
+    until(controller._link.has_input)
+    assert axis.position_deg() == 12.5
+
+
+def test_connects_behind_a_line_that_another_program_left_unfinished(arm):
+    peer, controller, _ = arm()
+    controller._link.write(b"1PA4")
+    controller.connect()
+    assert peer.commands == [b"1PA4WT0", b"VE?", b"TB?"]
 
 
 def test_error_queue_without_an_end_is_refused(arm):

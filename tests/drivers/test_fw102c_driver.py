@@ -7,8 +7,14 @@ from drivers.thorlabs_fw102c import Exchange, ThorlabsFw102c, parse_exchange
 from goniometer.errors import DeviceFaultError, LimitError, PositionError, ReplyError, ReplyTimeoutError
 
 IDENTITY = b"*idn?\rTHORLABS FW102C/FW212C Filter Wheel version 1.07\r> "
-UNKNOWN = b"\rCommand error CMD_NOT_DEFINED\r> "
-ANSWERS = {b"": UNKNOWN, b"*idn?": IDENTITY, b"pcount?": b"pcount?\r6\r> ", b"pos?": b"pos?\r3\r> "}
+MARKS = [b"999!1\rCommand error CMD_NOT_DEFINED\r> ", b"999!2\rCommand error CMD_NOT_DEFINED\r> "]
+ANSWERS = {
+    b"999!1": MARKS[0],
+    b"999!2": MARKS[1],
+    b"*idn?": IDENTITY,
+    b"pcount?": b"pcount?\r6\r> ",
+    b"pos?": b"pos?\r3\r> ",
+}
 
 EXCHANGES = [
     (b"pos?\r3\r> ", Exchange("pos?", "3")),
@@ -52,11 +58,21 @@ def wheel(make_peer, open_link, clock):
 def test_connects_without_moving(wheel):
     peer, wheel = wheel()
     wheel.connect()
-    assert peer.commands == [b"", b"*idn?", b"pcount?"]
+    assert peer.commands == [b"999!1", b"*idn?", b"pcount?"]
+
+
+@pytest.mark.parametrize("typed", [b"pos=4", b"pos=1", b"pos=", b"po", b"\x1b["])
+def test_connecting_does_not_end_what_another_program_left_half_typed(make_peer, open_link, clock, typed):
+    refused = b"999!1\rCommand error CMD_ARG_INVALID\r> "
+    peer = make_peer(ANSWERS | {typed + b"999!1": refused})
+    link = open_link(peer.port, "analyzer")
+    link.write(typed)
+    ThorlabsFw102c(link, clock, name="analyzer", slots=6, slot_s=0.5, settle_s=0.05).connect()
+    assert peer.commands == [typed + b"999!1", b"*idn?", b"pcount?"]
 
 
 def test_connects_through_zero_bytes_and_the_answers_of_an_earlier_user(wheel):
-    _, wheel = wheel(changes={b"": b"\x00\x00pos=3\r> \x00" + UNKNOWN})
+    _, wheel = wheel(changes={b"999!1": b"\x00\x00pos=3\r> \x00" + MARKS[0]})
     wheel.connect()
     assert wheel.slot() == 3
 
@@ -68,11 +84,16 @@ def test_wheel_with_other_slots_is_refused(wheel):
 
 
 @pytest.mark.usefixtures("no_real_grace")
-def test_silent_wheel_and_other_devices_are_not_waited_for_without_end(wheel):
-    for changes in ({b"": b"", b"*idn?": b""}, {b"*idn?": b"*idn?\rSOMETHING ELSE\r> "}):
-        _, silent = wheel(changes=changes)
-        with pytest.raises(ReplyTimeoutError, match="analyzer: no prompt from the wheel"):
-            silent.connect()
+def test_silent_wheel_is_not_waited_for_without_end(wheel):
+    _, silent = wheel(changes={b"999!1": b""})
+    with pytest.raises(ReplyTimeoutError, match="analyzer: no prompt from the wheel"):
+        silent.connect()
+
+
+def test_other_device_on_the_port_is_refused(wheel):
+    _, other = wheel(changes={b"*idn?": b"*idn?\rSOMETHING ELSE\r> "})
+    with pytest.raises(ReplyError, match="not the identity of a Thorlabs filter wheel"):
+        other.connect()
 
 
 def test_selecting_returns_at_once_and_ends_with_the_prompt(wheel, until):
@@ -97,6 +118,13 @@ def test_refused_command_is_a_fault(wheel, until):
     _, wheel = wheel(changes={b"pos=4": b"pos=4\rCommand error CMD_ARG_INVALID\r> "})
     wheel.start_select(4)
     with pytest.raises(DeviceFaultError, match="the wheel refused 'pos=4': Command error CMD_ARG_INVALID"):
+        until(lambda: not wheel.is_moving())
+
+
+def test_motion_that_is_answered_with_anything_but_a_prompt_is_refused(wheel, until):
+    _, wheel = wheel(changes={b"pos=3": b"pos=3\r4\r> "})
+    wheel.start_select(3)
+    with pytest.raises(ReplyError, match="the answer to 'pos=3' is '4', which is not a prompt and nothing else"):
         until(lambda: not wheel.is_moving())
 
 
@@ -139,13 +167,13 @@ def test_prompt_that_came_while_the_host_hung_is_good(clock):
 
 
 def test_stop_sends_nothing_and_the_next_question_drops_the_answer_of_the_motion(wheel):
-    peer, wheel = wheel(changes={b"pos=4": b"pos=4\r", b"": b"> " + UNKNOWN})
+    peer, wheel = wheel(changes={b"pos=4": b"pos=4\r", b"999!1": b"> " + MARKS[0]})
     wheel.start_select(4)
     wheel.stop()
     wheel.stop()
     assert not wheel.is_moving()
     assert wheel.slot() == 3
-    assert peer.commands == [b"pos=4", b"", b"*idn?", b"pos?"]
+    assert peer.commands == [b"pos=4", b"999!1", b"pos?"]
 
 
 @pytest.mark.parametrize("answer", [b"pos?\r> ", b"pos?\rx\r> ", b"3\r> ", b"pcount?\r6\r> ", b"\xff\xfe> "])
@@ -162,7 +190,29 @@ def test_wheel_that_never_ends_its_answer_is_refused(wheel):
 
 
 def test_question_after_a_timeout_is_answered_afresh(wheel):
-    _, wheel = wheel(reply_timeout_s=0.05, changes={b"pos?": [b"pos?\r", b"pos?\r5\r> "], b"": b"2\r> " + UNKNOWN})
+    _, wheel = wheel(
+        reply_timeout_s=0.05, changes={b"pos?": [b"pos?\r", b"pos?\r5\r> "], b"999!1": b"2\r> " + MARKS[0]}
+    )
     with pytest.raises(ReplyTimeoutError, match="no complete answer"):
         wheel.slot()
     assert wheel.slot() == 5
+
+
+@pytest.mark.usefixtures("no_real_grace")
+def test_late_mark_does_not_put_answers_one_question_behind(wheel):
+    changes = {b"pos?": [b"", b"pos?\r5\r> "], b"999!1": b"", b"999!2": b"pos?\r2\r> " + MARKS[0] + MARKS[1]}
+    _, wheel = wheel(reply_timeout_s=0.05, changes=changes)
+    with pytest.raises(ReplyTimeoutError, match="no complete answer"):
+        wheel.slot()
+    with pytest.raises(ReplyTimeoutError, match="no prompt from the wheel"):
+        wheel.slot()
+    assert [wheel.slot(), wheel.slot()] == [5, 5]
+
+
+@pytest.mark.parametrize("garbage", [b"pos?\rx\r> ", b"pcount?\r6\r> "])
+def test_answer_that_is_none_is_proof_of_nothing(wheel, garbage):
+    peer, wheel = wheel(changes={b"pos?": [garbage, b"pos?\r5\r> "]})
+    with pytest.raises(ReplyError, match=r"analyzer: the answer to 'pos\?' is"):
+        wheel.slot()
+    assert wheel.slot() == 5
+    assert peer.commands == [b"pos?", b"999!1", b"pos?"]

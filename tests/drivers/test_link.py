@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import os
+import select
 import socket
 import sys
 
@@ -68,6 +69,46 @@ def test_discard_drops_what_came_before(make_peer, open_link, until):
     assert link.read_until(b"\n") == b"new"
 
 
+def test_discard_drops_more_than_one_packet(make_peer, open_link, until):
+    peer = make_peer({b"a": b"x" * 20_000 + b"old\n", b"b": b"new\n"})
+    link = open_link(peer.port, "meter")
+    link.write(b"a\r")
+    until(lambda: bool(peer.commands))
+    peer.say(b"")
+    until(lambda: len(link._socket.recv(100_000, socket.MSG_PEEK)) == 20_004)
+    link.discard_input()
+    link.write(b"b\r")
+    assert link.read_until(b"\n") == b"new"
+
+
+def test_discard_of_an_endless_stream_is_given_up(make_peer, open_link, monkeypatch):
+    link = open_link(make_peer({}).port, "meter", reply_timeout_s=0.01)
+    monkeypatch.setattr(link, "_receive", lambda wait_s: b"x")
+    with pytest.raises(ReplyError, match=r"meter: bytes come on port .* without a pause"):
+        link.discard_input()
+
+
+def test_what_is_sent_after_the_other_end_hung_up_is_an_error(make_peer, open_link, until):
+    peer = make_peer({})
+    link = open_link(peer.port, "arms")
+    peer.vanish()
+    until(lambda: bool(select.select([link._socket], [], [], 0)[0]))
+    for _ in range(2):
+        with pytest.raises(NotConnectedError, match="is gone"):
+            link.write(b"1ST\r")
+
+
+def test_reopened_link_is_a_fresh_one(make_peer, open_link):
+    peer = make_peer({b"a": b"old\nhalf", b"b": b"new\n"})
+    link = open_link(peer.port, "arms")
+    link.write(b"a\r")
+    assert link.read_until(b"\n") == b"old"
+    link.reopen()
+    link.write(b"b\r")
+    assert link.read_until(b"\n") == b"new"
+    assert peer.connections == 2
+
+
 def test_silence_names_device_port_and_question(make_peer, open_link):
     peer = make_peer({})
     link = open_link(peer.port, "arms", reply_timeout_s=0.02)
@@ -104,6 +145,18 @@ def test_closed_port_says_what_to_do():
 def test_unusable_address_is_not_connected(port):
     with pytest.raises(NotConnectedError, match="cannot be opened"):
         Link(port, device="arms")
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="terminals are POSIX")
+def test_terminal_that_fails_while_it_is_opened_is_not_connected(monkeypatch):
+    import termios
+
+    def fail(*_, **__):
+        raise termios.error(5, "Input/output error")
+
+    monkeypatch.setattr("serial.serial_for_url", fail)
+    with pytest.raises(NotConnectedError, match="cannot be opened"):
+        Link("/dev/ttyUSB0", device="arms")
 
 
 def test_vanished_device_is_not_connected(make_peer, open_link):

@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+import re
+
 import numpy as np
 import pytest
 
@@ -64,7 +66,7 @@ def test_connects_and_returns_old_errors(meter):
     peer, meter = meter(changes={b"SYST:ERR?": [b'-113,"Undefined header"\n', NONE]})
     assert meter.connect() == ("-113 Undefined header",)
     assert peer.commands == [
-        *(b"*IDN?", b"SYST:ERR?", b"SYST:ERR?"),
+        *(b"SENS:POW:UNIT W", b"*IDN?", b"SYST:ERR?", b"SYST:ERR?"),
         *(b"SENS:POW:UNIT W", b"SENS:POW:RANG:AUTO 1", b"SYST:ERR?"),
     ]
 
@@ -79,7 +81,7 @@ def test_meter_without_a_sensor_is_a_fault(meter):
 
 def test_other_device_on_the_port_is_refused(meter):
     _, meter = meter(changes={b"*IDN?": b"Stanford_Research_Systems,SR830\n" * 40})
-    with pytest.raises(ReplyError, match="identity of a Thorlabs meter"):
+    with pytest.raises(ReplyError, match="identity with THORLABS in it"):
         meter.connect()
 
 
@@ -114,6 +116,31 @@ def test_exposure_is_the_nearest_whole_number_of_samples(meter, exposure_s, coun
     np.testing.assert_allclose(meter.actual_exposure_s, count * 0.003, rtol=1e-12)
 
 
+@pytest.mark.parametrize("exposure_s", [9.01, 1e300, 0.0, -0.03, float("nan"), float("inf")])
+def test_exposure_that_the_meter_cannot_average_is_refused_before_the_first_byte(meter, exposure_s):
+    peer, meter = meter()
+    with pytest.raises(LimitError, match=re.escape(f"meter: an exposure of {exposure_s:g} s is not between 0 and 9 s")):
+        meter.start_reading(exposure_s)
+    meter.start_reading(0.03)
+    assert peer.commands[0] == b"SENS:AVER 10"
+
+
+def test_longest_exposure_is_allowed(meter):
+    _, meter = meter(changes={b"SENS:AVER?": b"3000\n"})
+    meter.start_reading(9.0)
+    np.testing.assert_allclose(meter.actual_exposure_s, 9.0, rtol=1e-12)
+
+
+def test_averaging_is_sent_again_when_it_was_not_confirmed(meter, until):
+    peer, meter = meter(changes={b"SENS:AVER?": [b"10\n", b"x\n", b"10\n"]})
+    meter.start_reading(0.03)
+    until(lambda: not meter.is_reading())
+    with pytest.raises(ReplyError, match="SENS:AVER"):
+        meter.start_reading(0.3)
+    meter.start_reading(0.03)
+    assert peer.commands.count(b"SENS:AVER 10") == 2
+
+
 def test_averaging_that_the_meter_does_not_hold_is_refused(meter):
     peer, meter = meter()
     with pytest.raises(ReplyError, match="'10', which is not the averaging count 100 just set"):
@@ -145,7 +172,44 @@ def test_late_reading_is_not_taken_for_the_next_one(meter, clock, until):
     meter.start_reading(0.03)
     until(lambda: not meter.is_reading())
     assert meter.power_w() == 1e-6
-    assert peer.commands[-3:] == [b"MEAS:POW?", b"*IDN?", b"MEAS:POW?"]
+    assert peer.commands[-4:] == [b"MEAS:POW?", b"SENS:POW:UNIT W", b"*IDN?", b"MEAS:POW?"]
+
+
+@pytest.mark.usefixtures("no_real_grace")
+def test_late_identity_does_not_put_readings_one_behind(meter, clock, until):
+    identity = ANSWERS[b"*IDN?"]
+    readings = [b"", b"1.000000E-06\n", b"2.000000E-06\n"]
+    _, meter = meter(
+        reply_timeout_s=0.05, changes={b"MEAS:POW?": readings, b"*IDN?": [b"", b"9.000000E-01\n" + 2 * identity]}
+    )
+    meter.start_reading(0.03)
+    clock.time_s = 10
+    with pytest.raises(ReplyTimeoutError, match="no reading"):
+        meter.is_reading()
+    with pytest.raises(ReplyTimeoutError, match="IDN"):
+        meter.start_reading(0.03)
+    for power_w in (1e-6, 2e-6):
+        meter.start_reading(0.03)
+        until(lambda: not meter.is_reading())
+        assert meter.power_w() == power_w
+
+
+def test_garbage_reading_is_proof_of_nothing(meter, until):
+    peer, meter = meter(changes={b"MEAS:POW?": [b"0,No error\n", b"1.000000E-06\n"]})
+    meter.start_reading(0.03)
+    with pytest.raises(ReplyError, match="MEAS:POW"):
+        until(lambda: not meter.is_reading())
+    meter.start_reading(0.03)
+    until(lambda: not meter.is_reading())
+    assert peer.commands[-4:] == [b"MEAS:POW?", b"SENS:POW:UNIT W", b"*IDN?", b"MEAS:POW?"]
+
+
+def test_connects_behind_a_line_that_another_program_left_unfinished(make_peer, open_link, clock):
+    peer = make_peer(ANSWERS, terminator=b"\n")
+    link = open_link(peer.port, "meter")
+    link.write(b"SENS:CORR -6")
+    ThorlabsPm100(link, clock, name="meter", sample_s=0.003).connect()
+    assert peer.commands[:2] == [b"SENS:CORR -6SENS:POW:UNIT W", b"*IDN?"]
 
 
 def test_no_reading_is_not_a_power(meter):
@@ -170,8 +234,9 @@ def test_over_range_is_a_saturated_detector(meter, until, answer):
 def test_garbage_reading_is_refused(meter, until, answer):
     _, meter = meter(changes={b"MEAS:POW?": answer})
     meter.start_reading(0.03)
-    until(lambda: not meter.is_reading())
     with pytest.raises(ReplyError, match=r"meter: the answer to 'MEAS:POW\?'"):
+        until(lambda: not meter.is_reading())
+    with pytest.raises(ReplyError, match="meter: there is no finished reading"):
         meter.power_w()
 
 

@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import pytest
 
-from drivers.reply_text import number, whole_number
+from drivers.reply_text import number, switch, whole_number
 from goniometer.errors import ReplyError
 
 
@@ -38,3 +38,13 @@ def test_whole_numbers(text, value):
 def test_what_is_no_whole_number_is_refused(text):
     with pytest.raises(ReplyError, match="not a whole number"):
         whole_number("wheel", "pos?", text)
+
+
+def test_switches():
+    assert [switch("arms", "1MD?", text) for text in ("0", "1")] == [False, True]
+
+
+@pytest.mark.parametrize("text", ["", "2", "01", "on"])
+def test_what_is_neither_on_nor_off_is_refused(text):
+    with pytest.raises(ReplyError, match="not 0 or 1"):
+        switch("arms", "1MD?", text)

@@ -92,8 +92,20 @@ def test_a_twelve_slot_wheel_turns_the_shorter_way(ask):
     assert ask(fw, b"pcount=6\r", 5.0) == b"pcount=6\r" + INVALID + b"> "
 
 
-def test_a_command_without_end_fills_no_memory(fw, ask):
+def test_a_client_finds_what_another_one_left_half_typed(device, ask):
+    ask(device.session(), b"pos=")
+    assert ask(device.session(), b"4\rpos?\r") == b"4\r> pos?\r4\r> "
+
+
+@pytest.mark.parametrize("typed", [b"pos=4", b"pos=1", b"pos=", b"po", b"pos?", b"", b"\x1b", b"\x1b["])
+def test_text_behind_a_half_typed_command_keeps_the_wheel_where_it_is(device, ask, typed):
+    ask(device.session(), typed)
+    assert b"Command error" in ask(device.session(), b"999!1\r")
+    assert ask(device.session(), b"pos?\r") == b"pos?\r1\r> "
+
+
+def test_a_command_without_end_fills_no_memory(device, fw, ask):
     for _ in range(100):
         ask(fw, b"x" * 1000)
-    assert len(fw._typed) < 100
+    assert len(device._typed) < 100
     assert ask(fw, b"\r") == b"\r" + UNKNOWN + b"> "
