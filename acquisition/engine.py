@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import partial
 
 from acquisition.events import Event, ReadingStored, StepStarted
 from acquisition.expand import Step
@@ -13,7 +14,7 @@ from acquisition.protocols import Analyzer, Detector, RotaryAxis
 from acquisition.readings import Reading
 from acquisition.timing import POLL_S, READING_POLL_S
 from drivers.clock import Clock, Deadline
-from goniometer.errors import DeviceError, PositionError, ReplyTimeoutError
+from goniometer.errors import PositionError, ReplyTimeoutError
 
 _SLICE_S = 0.1
 """Longest time between two checks for an interruption."""
@@ -33,19 +34,16 @@ class Bench:
     detector: Detector
     notes: tuple[str, ...] = ()
 
-    def stop(self, clock: Clock) -> list[DeviceError]:
+    def stop(self, clock: Clock) -> list[BaseException]:
         """Stop everything that can move and see it come to rest, whatever fails on the way; returns what failed."""
-        failures = []
         axes = (self.source_arm, self.detector_arm, self.sample_azimuth)
-        for device in (*axes, self.analyzer):
+        attempts: list[Callable[[], None]] = [device.stop for device in (*axes, self.analyzer)]
+        attempts += [partial(_see_at_rest, axis, clock) for axis in axes]
+        failures: list[BaseException] = []
+        for attempt in attempts:
             try:
-                device.stop()
-            except DeviceError as error:
-                failures.append(error)
-        for axis in axes:
-            try:
-                _see_at_rest(axis, clock)
-            except DeviceError as error:
+                attempt()
+            except BaseException as error:  # noqa: BLE001 (kept; whatever it is, the next device must be stopped too)
                 failures.append(error)
         return failures
 
@@ -69,7 +67,7 @@ def stopped_afterwards(bench: Bench, clock: Clock) -> Iterator[None]:
 
     Raises
     ------
-    DeviceError or ExceptionGroup
+    BaseExceptionGroup
         When a device could not be stopped: that outranks, and carries, the error that ended the block.
     """
     try:
@@ -81,7 +79,7 @@ def stopped_afterwards(bench: Bench, clock: Clock) -> Iterator[None]:
             ) from None
         raise
     if failures := bench.stop(clock):
-        raise ExceptionGroup("Not every device could be stopped", failures)
+        raise BaseExceptionGroup("Not every device could be stopped", failures)
 
 
 class Engine:
@@ -140,6 +138,7 @@ class Engine:
             self._move(step)
             positions_deg = self._read_back(step)
             for repeat in range(step.readings):
+                self._check_slot(step)
                 self._take_reading(step, repeat, positions_deg)
             time_left_s -= step.duration_s
 
@@ -183,6 +182,10 @@ class Engine:
                     to_do="check that nothing touches the stage, home it, then run the recipe again",
                 )
             positions_deg.append(position_deg)
+        return positions_deg
+
+    def _check_slot(self, step: Step) -> None:
+        """Ask before every reading: a wheel can be turned by hand."""
         slot = self._bench.analyzer.slot()
         if slot != step.target.slot:
             raise PositionError(
@@ -191,7 +194,6 @@ class Engine:
                 not_done="the readings there",
                 to_do="check that nobody turned the wheel by hand, then run the recipe again",
             )
-        return positions_deg
 
     def _take_reading(self, step: Step, repeat: int, positions_deg: list[float]) -> None:
         detector = self._bench.detector

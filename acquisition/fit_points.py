@@ -13,10 +13,15 @@ from model.geometry import in_plane
 
 
 def stokes_data(points: Sequence[StokesPoint]) -> StokesData:
-    """Stack points into arrays; a signed exit angle becomes an exit angle and an azimuth."""
-    exit_rad, azimuth_rad = in_plane(np.radians([point.exit_deg for point in points]))
+    """Stack points into arrays; a signed exit angle becomes an exit angle and an azimuth.
+
+    An incidence that was read back a little below zero is one from the other side, seen mirrored.
+    """
+    incidence_rad = np.radians([point.incidence_deg for point in points])
+    exit_rad = np.radians([point.exit_deg for point in points])
+    exit_rad, azimuth_rad = in_plane(np.where(incidence_rad < 0.0, -exit_rad, exit_rad))
     return StokesData(
-        incidence_rad=np.radians([point.incidence_deg for point in points]),
+        incidence_rad=np.abs(incidence_rad),
         exit_rad=exit_rad,
         azimuth_rad=azimuth_rad,
         stokes=np.array([point.stokes for point in points]),

@@ -20,14 +20,14 @@ FILE_NAME = "journal.sqlite"
 _FORMAT = "1"
 _COLUMNS = tuple(field.name for field in fields(Reading))
 _TYPES = {"point": "INTEGER", "kind": "TEXT", "repeat": "INTEGER", "slot": "INTEGER"}
-_CREATE = f"""
-CREATE TABLE about (key TEXT PRIMARY KEY, value TEXT NOT NULL) STRICT;
-CREATE TABLE readings (
+_CREATE = (
+    "CREATE TABLE about (key TEXT PRIMARY KEY, value TEXT NOT NULL) STRICT",
+    f"""CREATE TABLE readings (
     id INTEGER PRIMARY KEY,
     {", ".join(f"{name} {_TYPES.get(name, 'REAL')}" for name in _COLUMNS)},
     stored_at TEXT NOT NULL DEFAULT (strftime('%Y-%m-%dT%H:%M:%fZ', 'now'))
-) STRICT;
-"""
+) STRICT""",
+)
 _NAMES = ", ".join(_COLUMNS)
 _APPEND = f"INSERT INTO readings ({_NAMES}) VALUES ({', '.join('?' * len(_COLUMNS))})"  # noqa: S608 (names are ours)
 _SELECT = f"SELECT {_NAMES} FROM readings ORDER BY id"  # noqa: S608
@@ -57,9 +57,11 @@ class Journal:
             connection = sqlite3.connect(path, isolation_level=None)
             connection.execute("PRAGMA journal_mode=WAL")
             connection.execute("PRAGMA synchronous=FULL")
-            connection.executescript(_CREATE)
-            with connection:
-                connection.executemany("INSERT INTO about VALUES (?, ?)", [("format", _FORMAT), *sorted(about.items())])
+            connection.execute("BEGIN")
+            for table in _CREATE:
+                connection.execute(table)
+            connection.executemany("INSERT INTO about VALUES (?, ?)", [("format", _FORMAT), *sorted(about.items())])
+            connection.execute("COMMIT")
         except sqlite3.Error as error:
             raise JournalError(f"{path} cannot be begun: {error}. No device was moved. Is the disk full?") from error
         return cls(connection, path)
@@ -80,9 +82,15 @@ class Journal:
         try:
             connection = sqlite3.connect(path, isolation_level=None)
             connection.execute("PRAGMA query_only=ON")
-            stored = connection.execute("SELECT value FROM about WHERE key='format'").fetchone()
+            has_begun = connection.execute("SELECT count(*) FROM sqlite_schema").fetchone() != (0,)
+            stored = connection.execute("SELECT value FROM about WHERE key='format'").fetchone() if has_begun else None
         except sqlite3.Error as error:
             raise JournalError(f"{path} cannot be read as a journal: {error}.") from error
+        if not has_begun:
+            connection.close()
+            raise JournalError(
+                f"{path} is empty: the run was cut off before its first step. There is nothing to look at."
+            )
         if stored != (_FORMAT,):
             connection.close()
             raise JournalError(

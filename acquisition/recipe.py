@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Annotated, Any, Literal, Self
 
-from pydantic import Field, field_validator, model_validator
+from pydantic import AfterValidator, Field, field_validator, model_validator
 
 from acquisition.analyzer_matrix import check_analyzer_set
 from acquisition.section import Section, SectionFault, refuse_all
@@ -163,10 +163,18 @@ class FitChoice(Section):
                 yield ("fixed", name), f"got {value:g}; allowed: {_DOMAIN[name]}"
 
 
+def _check_printable(name: str) -> str:
+    if not name.isprintable():
+        raise ValueError("holds a character that cannot be printed; write the name without control characters")
+    return name
+
+
 class Recipe(Section):
     """A measurement: directions, analyzer angles, readings, and the fit."""
 
-    recipe: str = Field(min_length=1, description="name of the measurement, for a person")
+    recipe: Annotated[str, AfterValidator(_check_printable)] = Field(
+        min_length=1, max_length=200, description="name of the measurement, for a person"
+    )
     rig: str = Field(min_length=1, description="rig file; a relative path starts at this file's folder")
     scene: str | None = Field(
         default=None,

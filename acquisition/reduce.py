@@ -70,21 +70,23 @@ class Radiometry:
 class LampLevel:
     """The lamp's level against the first reference reading, between references linear in time.
 
-    `times_s`, `levels` and `variances` have one entry for each group of reference readings; empty means no reference.
+    `times_s`, `powers_w` and `variances_w2` have one entry for each group of reference readings; empty: no reference.
     """
 
     times_s: tuple[float, ...] = ()
-    levels: tuple[float, ...] = ()
-    variances: tuple[float, ...] = ()
+    powers_w: tuple[float, ...] = ()
+    variances_w2: tuple[float, ...] = ()
 
     def at(self, time_s: float) -> tuple[float, float]:
         """Level and its variance at a time; held constant before the first and after the last reference."""
         if not self.times_s:
             return 1.0, 0.0
-        return (
-            float(np.interp(time_s, self.times_s, self.levels)),
-            float(np.interp(time_s, self.times_s, self.variances)),
-        )
+        shares = np.array([np.interp(time_s, self.times_s, unit) for unit in np.eye(len(self.times_s))])
+        first_w = self.powers_w[0]
+        level = float(shares @ self.powers_w) / first_w
+        slopes = shares / first_w
+        slopes[0] -= level / first_w  # the first reference is in the denominator too
+        return level, float(slopes**2 @ self.variances_w2)
 
 
 class Reduction:
@@ -96,10 +98,12 @@ class Reduction:
         The rig's calibration.
     noise : NoiseModel
         The detector's noise, from which the weights and covariances follow.
+    has_dark : bool
+        Whether the dark power is measured in every direction; without it, it is taken to be 0.
     """
 
-    def __init__(self, radiometry: Radiometry, noise: NoiseModel) -> None:
-        self._radiometry, self._noise = radiometry, noise
+    def __init__(self, radiometry: Radiometry, noise: NoiseModel, *, has_dark: bool) -> None:
+        self._radiometry, self._noise, self._has_dark = radiometry, noise, has_dark
 
     def scan(self, readings: Sequence[Reading]) -> tuple[StokesPoint, ...]:
         """Reduce every direction whose readings determine its Stokes parameters; readings of a cut-off last one wait.
@@ -112,17 +116,36 @@ class Reduction:
         lamp = self.lamp_level(readings)
         groups = [list(group) for _, group in groupby(readings, key=lambda reading: reading.point)]
         points = [self.point(group, lamp) for group in groups[:-1]]
-        if groups and is_determined(groups[-1]):
+        if groups and self.can_reduce(groups[-1]):
             points.append(self.point(groups[-1], lamp))
         return tuple(points)
 
+    def can_reduce(self, readings: Sequence[Reading]) -> bool:
+        """Whether the readings of a direction determine its Stokes parameters."""
+        try:
+            self._refuse_undetermined(readings)
+        except ReductionError:
+            return False
+        return True
+
+    def _refuse_undetermined(self, readings: Sequence[Reading]) -> None:
+        angles_deg = list({reading.analyzer_deg: None for reading in readings if reading.kind == "signal"})
+        try:
+            check_analyzer_set(angles_deg)
+        except ReductionError as error:
+            raise ReductionError(f"Point {readings[0].point} cannot be reduced: {error}") from None
+        if self._has_dark and not any(reading.kind == "dark" for reading in readings):
+            raise ReductionError(f"Point {readings[0].point} cannot be reduced: its dark reading is missing.")
+
     def lamp_level(self, readings: Sequence[Reading]) -> LampLevel:
-        """The lamp's level over the scan from its reference readings, dark subtracted."""
+        """The lamp's level over the scan from its reference readings, dark subtracted where it is measured."""
         times_s, powers_w, variances = [], [], []
         for group in _reference_groups(readings):
             power_w, variance = self._mean(group)
-            darks = [r for r in readings if r.kind == "dark" and r.point == group[0].point]
-            if darks:
+            if self._has_dark:
+                darks = [r for r in readings if r.kind == "dark" and r.point == group[0].point]
+                if not darks:  # a scan cut off between the two
+                    continue
                 dark_w, dark_variance = self._mean(darks)
                 power_w, variance = power_w - dark_w, variance + dark_variance
             if power_w <= 0.0:
@@ -133,13 +156,7 @@ class Reduction:
             times_s.append(sum(r.time_s for r in group) / len(group))
             powers_w.append(power_w)
             variances.append(variance)
-        if not powers_w:
-            return LampLevel()
-        return LampLevel(
-            tuple(times_s),
-            tuple(power_w / powers_w[0] for power_w in powers_w),
-            tuple(variance / powers_w[0] ** 2 for variance in variances),
-        )
+        return LampLevel(tuple(times_s), tuple(powers_w), tuple(variances))
 
     def point(self, readings: Sequence[Reading], lamp: LampLevel) -> StokesPoint:
         """Reduce the readings of one direction.
@@ -149,19 +166,16 @@ class Reduction:
         ReductionError
             When they do not determine S0, S1 and S2.
         """
-        readings = [reading for reading in readings if reading.kind != "reference"]
+        kinds = ("signal", "dark") if self._has_dark else ("signal",)
+        readings = [reading for reading in readings if reading.kind in kinds]
         signals = [reading for reading in readings if reading.kind == "signal"]
-        try:
-            check_analyzer_set(_angles_deg(readings))
-        except ReductionError as error:
-            raise ReductionError(f"Point {readings[0].point} cannot be reduced: {error}") from None
+        self._refuse_undetermined(readings)
         exit_deg = float(np.mean([reading.exit_deg for reading in signals]))
         level, level_variance = lamp.at(float(np.mean([reading.time_s for reading in signals])))
         scale_w = (
             self._radiometry.beam_power_w * self._radiometry.acceptance_sr * math.cos(math.radians(exit_deg)) * level
         )
-        has_dark = len(signals) < len(readings)
-        matrix = _design_matrix(readings, has_dark)
+        matrix = _design_matrix(readings, self._has_dark)
         power_w = np.array([reading.power_w for reading in readings])
         exposure_s = np.array([reading.exposure_s for reading in readings])
         solution, covariance = _solve(matrix, power_w, lambda mean_w: self._noise.variance(mean_w, exposure_s))
@@ -174,19 +188,6 @@ class Reduction:
         exposure_s = np.array([reading.exposure_s for reading in readings])
         variance = self._noise.variance(np.full_like(power_w, power_w.mean()), exposure_s)
         return float(power_w.mean()), float(variance.sum() / len(readings) ** 2)
-
-
-def is_determined(readings: Sequence[Reading]) -> bool:
-    """Whether the readings of a direction hold analyzer angles that determine S0, S1 and S2."""
-    try:
-        check_analyzer_set(_angles_deg(readings))
-    except ReductionError:
-        return False
-    return True
-
-
-def _angles_deg(readings: Sequence[Reading]) -> list[float | None]:
-    return list({reading.analyzer_deg: None for reading in readings if reading.kind == "signal"})
 
 
 def _reference_groups(readings: Sequence[Reading]) -> Iterator[list[Reading]]:
@@ -255,6 +256,6 @@ def _stokes_point(reading: Reading, stokes: NDArray[np.float64], covariance: NDA
         dolp=dolp,
         dolp_debiased=debiased,
         dolp_stderr=dolp_stderr,
-        aolp_deg=math.degrees(0.5 * math.atan2(s2, s1)),
+        aolp_deg=math.degrees(0.5 * math.atan2(s2 + 0.0, s1)),  # -0.0 would turn 90 degrees into -90
         aolp_stderr_deg=aolp_stderr_deg,
     )

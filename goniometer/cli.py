@@ -143,7 +143,7 @@ def main() -> None:
         for failure in group.exceptions:
             click.echo(f"  {failure}", err=True)
         code = 1
-    except GoniometerError as error:
+    except (GoniometerError, OSError) as error:
         _explain(error, str(error))
         code = 1
     sys.exit(code)

@@ -31,7 +31,7 @@ _FIT_LINES = 10
 
 
 @contextmanager
-def console_for(mode: Mode, stream: TextIO) -> Iterator[Subscriber]:
+def console_for(mode: Mode, stream: TextIO | None) -> Iterator[Subscriber]:
     """Show a scan on a stream while the block runs.
 
     The subscriber never raises because of the stream: whoever stops reading misses the rest, the scan goes on.

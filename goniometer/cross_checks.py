@@ -21,6 +21,13 @@ def recipe_on_rig(recipe: Recipe, file: YamlFile, rig: Rig, rig_path: Path) -> I
     yield from _angle_faults(recipe, file, rig, rig_path)
     sample_s = rig.detector.sample_s
     samples = max(1, round(recipe.exposure_s / sample_s))
+    if samples > rig.detector.most_samples:
+        longest_s = rig.detector.most_samples * sample_s
+        yield file.fault(
+            ("exposure_s",),
+            f"got {recipe.exposure_s:g}; allowed: at most {longest_s:g}, the most that the detector in {rig_path} "
+            "averages. Take more readings instead",
+        )
     if abs(recipe.exposure_s - samples * sample_s) > _SAME_DURATION * recipe.exposure_s:
         yield file.fault(
             ("exposure_s",),

@@ -60,8 +60,16 @@ def quality(fit: FitResult) -> str:
         verdict = "the model describes the data to within their noise"
     return (
         f"Chi-square {fit.chi_square:.5g} for {fit.degrees_of_freedom} degrees of freedom "
-        f"({per_degree:.3g} per degree): {verdict}."
+        f"({per_degree:.3g} per degree): {verdict}.{_at_bounds(fit)}"
     )
+
+
+def _at_bounds(fit: FitResult) -> str:
+    held = [name for name, estimate in fit.parameters.items() if estimate.at_bound]
+    if not held:
+        return ""
+    verb = "is" if len(held) == 1 else "are"
+    return f" The errors of the others hold only if {' and '.join(held)} {verb} truly at the bound."
 
 
 def model_name(fit: FitResult) -> str:

@@ -18,13 +18,13 @@ class LastingStream:
     Parameters
     ----------
     stream : text stream
-        Where the text goes; characters its encoding lacks are written as ``?``.
+        Where the text goes; characters its encoding lacks are written as ``?``. None for a program without one.
     """
 
-    def __init__(self, stream: TextIO) -> None:
-        self._stream: TextIO | None = stream
+    def __init__(self, stream: TextIO | None) -> None:
+        self._stream = stream
         self.encoding = getattr(stream, "encoding", None) or "utf-8"
-        self._terminal = stream.isatty()
+        self._terminal = stream is not None and stream.isatty()
 
     def write(self, text: str) -> int:
         """Write text and let it go out at once."""

@@ -99,7 +99,7 @@ class LiveConsole:
             f"{scan.readings:>{len(str(started.readings))}} of {started.readings} readings",
             f"{clock_text(left_s) if left_s is not None else '-:--':>7} left",
         )
-        bench = f"bench clock {clock_text(scan.bench_elapsed_s())} of {clock_text(started.expected_duration_s)}"
+        bench = f"planned time {clock_text(scan.bench_elapsed_s())} of {clock_text(started.expected_duration_s)}"
         speed = scan.bench_speed()
         if speed is not None and speed > _SPEED_WORTH_TELLING:
             bench += f", {speed:.3g} times real time"

@@ -47,4 +47,5 @@ def reduction(recipe: Recipe, rig: Rig) -> Reduction:
     return Reduction(
         Radiometry(rig.calibration.beam_power_w, rig.calibration.acceptance_sr),
         NoiseModel(detector.noise.read_w, detector.sample_s, detector.noise.shot, recipe.wavelength_nm),
+        has_dark=recipe.dark,
     )

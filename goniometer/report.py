@@ -114,7 +114,7 @@ def _draw_head(figure: Figure, title: str, points: Sequence[StokesPoint], fit: F
         f"{len(points)} direction{'s' * (len(points) != 1)}     "
         "polarization: degree without the bias of noise, angle from the s-direction"
     )
-    figure.text(_LEFT, 1.0 - 0.38 / height_in, title, size=16, weight="bold", va="center")
+    figure.text(_LEFT, 1.0 - 0.38 / height_in, title, size=16, weight="bold", va="center", parse_math=False)
     figure.text(_LEFT, 1.0 - 0.70 / height_in, details, color=_FAINT, va="center")
     key = [Line2D([], [], color=DATA_COLOUR, marker="o", ls="", ms=4, label="measured ± standard error")]
     if fit is not None:

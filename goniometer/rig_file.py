@@ -144,6 +144,11 @@ class ThorlabsPm100Entry(Section):
     sample_s: float = Field(gt=0, le=10, description="duration of one sample, in s; a reading averages whole samples")
     noise: NoiseEntry = Field(description="the detector's noise")
 
+    @property
+    def most_samples(self) -> int:
+        """Samples that the meter averages at most."""
+        return 3000
+
 
 DeviceEntry = Annotated[
     NewportEsp301Entry | OrientalAzEntry | ThorlabsFw102cEntry | ThorlabsPm100Entry,

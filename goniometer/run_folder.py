@@ -18,12 +18,15 @@ from acquisition.readings import Reading, StokesPoint
 from acquisition.recipe import Recipe
 from acquisition.stokes_csv import write_stokes_csv
 from acquisition.whole_file import written_whole
-from goniometer.errors import FitError, JournalError
+from goniometer.errors import FitError, JournalError, ReductionError
 from goniometer.planning import reduction
 from goniometer.report import draw_report
 from goniometer.rig_file import Rig
 from model.fit import FitResult, fit
 from sim_devices.scene import Scene
+
+_LONGEST_NAME = 60
+"""Of a recipe's name as much goes into the folder's; some systems allow no more than 143 characters."""
 
 
 @dataclass(frozen=True)
@@ -52,7 +55,7 @@ def new_run_folder(out: Path, recipe_name: str) -> Path:
     JournalError
         When it cannot be made.
     """
-    name = re.sub(r"[^a-z0-9]+", "-", recipe_name.lower()).strip("-") or "scan"
+    name = re.sub(r"[^a-z0-9]+", "-", recipe_name.lower()).strip("-")[:_LONGEST_NAME] or "scan"
     stem = f"{datetime.now():%Y-%m-%dT%H-%M-%S}-{name}"
     for suffix in ("", *(f"-{number}" for number in range(2, 1000))):
         folder = out / f"{stem}{suffix}"
@@ -84,14 +87,20 @@ def load(folder: str | Path) -> StoredRun:
     JournalError
         When there is no readable journal.
     ReductionError
-        When the readings cannot be reduced.
+        When the readings cannot be reduced, or no direction was finished.
     """
     folder = Path(folder)
+    if folder.name == journal.FILE_NAME:
+        folder = folder.parent
     with Journal.open(folder / journal.FILE_NAME) as stored:
         readings, about = stored.readings(), stored.about()
     recipe = Recipe.model_validate(yaml.safe_load(about["recipe"]))
     rig = Rig.model_validate(yaml.safe_load(about["rig"]))
     points = reduction(recipe, rig).scan(readings)
+    if not points:
+        raise ReductionError(
+            f"{folder} holds {len(readings)} readings and not one finished direction: there is nothing to reduce."
+        )
     result, refusal = None, ""
     try:
         result = fit(stokes_data(points), surface_family(recipe.fit), search=recipe.fit.search)

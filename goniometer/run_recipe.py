@@ -25,7 +25,7 @@ from goniometer.planning import plan, reduction
 from goniometer.run_folder import StoredRun, load, new_run_folder, scene_truth, write_results
 from goniometer.signals import Interruption
 
-_SWITCH_INTERVAL_S = 2e-4
+_SWITCH_INTERVAL_S = 5e-5
 """How long the live fit's thread may keep the interpreter from the scan's; Python's default of 5 ms would be felt."""
 
 
@@ -71,27 +71,48 @@ def run(
     """
     setup = load_recipe(Path(recipe_path), Path(rig_path) if rig_path else None)
     steps = plan(setup.recipe, setup.rig)
+    with Interruption() as interruption:
+        folder = _measure(setup, steps, Path(out), speed, live_fit, subscribers, interruption)
+        try:
+            interruption.check()
+            result = load(folder)
+            if result.fit is not None:
+                for subscriber in subscribers:
+                    subscriber(FitUpdated(len(result.points), result.fit))
+            interruption.check()
+            write_results(result)
+        except BaseException as error:
+            error.add_note(f"All readings are stored. Write the results with: goniometer fit {folder}")
+            raise
+    return result
+
+
+def _measure(
+    setup: Setup,
+    steps: Sequence[Step],
+    out: Path,
+    speed: Speed | None,
+    live_fit: bool,
+    subscribers: Sequence[Subscriber],
+    interruption: Interruption,
+) -> Path:
+    """Take all readings; returns the run's folder, with every device let go."""
+    recipe, rig = setup.recipe, setup.rig
     with ExitStack() as stack:
-        interruption = stack.enter_context(Interruption())
         bench_access = stack.enter_context(access(setup, speed))
-        bench = stack.enter_context(
-            connected(setup.rig, bench_access.ports, bench_access.clock, setup.recipe.wavelength_nm)
-        )
+        clock = bench_access.clock
+        bench = stack.enter_context(connected(rig, bench_access.ports, clock, recipe.wavelength_nm))
         interruption.check()
-        folder = new_run_folder(Path(out), setup.recipe.recipe)
+        folder = new_run_folder(out, recipe.recipe)
         about = _about(setup, bench_access.scene_text)
         stored = stack.enter_context(Journal.create(folder / journal.FILE_NAME, about))
-        fitting = (
-            stack.enter_context(LiveFit(surface_family(setup.recipe.fit), setup.recipe.fit.search))
-            if live_fit
-            else None
-        )
-        pipeline = Pipeline(steps, reduction(setup.recipe, setup.rig), fitting, subscribers)
+        fitting = stack.enter_context(LiveFit(surface_family(recipe.fit), recipe.fit.search)) if live_fit else None
+        pipeline = Pipeline(steps, reduction(recipe, rig), fitting, subscribers)
         stack.enter_context(_switching_threads_often())
         pipeline.publish(
             ScanStarted(
                 run=str(folder),
-                recipe=setup.recipe.recipe,
+                recipe=recipe.recipe,
                 points=len({step.point for step in steps}),
                 readings=sum(step.readings for step in steps),
                 expected_duration_s=sum(step.duration_s for step in steps),
@@ -99,30 +120,34 @@ def run(
                 notes=bench.notes,
             )
         )
-        engine = Engine(bench, bench_access.clock, stored, pipeline.publish, interruption.check)
+        engine = Engine(bench, clock, stored, pipeline.publish, interruption.check)
         try:
-            _scan(engine, bench, steps, bench_access.clock, pipeline)
+            _scan(engine, bench, steps, clock, pipeline)
         except BaseException as error:
-            error.add_note(f"Every reading shown is stored. Look at them with: goniometer fit {folder}")
+            if engine.readings_taken:
+                error.add_note(f"Every reading shown is stored. Look at them with: goniometer fit {folder}")
+            else:
+                error.add_note(f"No reading had been taken; {folder} holds none.")
             raise
-    result = load(folder)
-    if result.fit is not None:
-        pipeline.publish(FitUpdated(len(result.points), result.fit))
-    write_results(result)
-    return result
+    return folder
 
 
 def _scan(engine: Engine, bench: Bench, steps: Sequence[Step], clock: Clock, pipeline: Pipeline) -> None:
     start_s = clock.now()
-    reason = "finished"
+
+    def tell_end(reason: str) -> None:
+        pipeline.publish(ScanEnded(reason, engine.readings_taken, clock.now() - start_s))
+
     try:
         with stopped_afterwards(bench, clock):
             engine.run(steps)
     except BaseException as error:
-        reason = str(error) or type(error).__name__
+        try:
+            tell_end(str(error) or type(error).__name__)
+        except Exception as telling:  # noqa: BLE001 (noted: why the scan ended matters more than who could not hear it)
+            error.add_note(f"Its end could not be shown or timed: {telling}")
         raise
-    finally:
-        pipeline.publish(ScanEnded(reason, engine.readings_taken, clock.now() - start_s))
+    tell_end("finished")
 
 
 @contextmanager

@@ -48,7 +48,8 @@ class Interruption:
     def __enter__(self) -> Self:
         if threading.current_thread() is threading.main_thread():
             for name in _NAMES:
-                if (number := getattr(signal, name, None)) is not None:  # Windows has no SIGHUP
+                number = getattr(signal, name, None)  # Windows has no SIGHUP
+                if number is not None and signal.getsignal(number) is not signal.SIG_IGN:  # nohup: the scan goes on
                     self._before[number] = signal.signal(number, self._on_signal)
         return self
 

@@ -20,6 +20,9 @@ _SEARCHES = {"sobol": sobol_starts, "genetic": genetic_starts}
 _AT_BOUND = 1e-6
 # Steps of least squares: enough to tell the best of several starts, and to end it.
 _SHORT, _LONG = 15, 200
+# Relative change of chi-square at which least squares ends. A fit that follows a running scan ends sooner: what is left
+# is some hundredths of a standard error, and the next point moves the optimum by more.
+_SETTLED, _FOLLOWED = 1e-10, 1e-5
 
 
 def fit(
@@ -42,7 +45,8 @@ def fit(
         Lobes, free parameters with bounds, fixed parameters.
     start : dict of str to float, optional
         Values of the free ones of sigma, n, k to start from instead of a search, such as the last optimum of a live
-        fit. Fast, but local: if chi_square is far above degrees_of_freedom afterwards, fit again without it.
+        fit. Fast, but local, and ended some hundredths of a standard error before the optimum: for a final result, or
+        if chi_square is far above degrees_of_freedom afterwards, fit again without it.
     search : {"sobol", "genetic"}
         How starts are found: 64 quasi-random points, of which the best four are polished, or differential evolution.
     seed : int
@@ -76,8 +80,10 @@ def fit(
         unit = _checked_start(projection, start)
     else:
         starts = _SEARCHES[search](projection, seed)
-        unit = min((_polish(projection, rough, _SHORT) for rough in starts), key=lambda polished: polished.cost).x
-    best = _polish(projection, unit, _LONG)
+        unit = min(
+            (_polish(projection, rough, _SHORT, _SETTLED) for rough in starts), key=lambda polished: polished.cost
+        ).x
+    best = _polish(projection, unit, _LONG, _SETTLED if start is None else _FOLLOWED)
     if best.status == 0:
         raise FitError(
             f"Least squares had not settled after {best.nfev} steps, because the data hardly tell the values of "
@@ -94,11 +100,10 @@ def _checked_start(projection: Projection, start: dict[str, float]) -> FloatArra
     return projection.unit(start)
 
 
-def _polish(projection: Projection, unit: FloatArray, evaluations: int) -> OptimizeResult:
-    # Noise-free data must give the truth back: their chi-square falls until rounding, and xtol ends the search. With
-    # noise it ends at ftol, long before a step matters beside the standard errors.
+def _polish(projection: Projection, unit: FloatArray, evaluations: int, settled: float) -> OptimizeResult:
+    # Noise-free data must give the truth back: their chi-square falls until rounding, and xtol ends the search.
     return least_squares(
-        projection.residuals, unit, bounds=(0.0, 1.0), xtol=1e-13, ftol=1e-10, gtol=1e-15, max_nfev=evaluations
+        projection.residuals, unit, bounds=(0.0, 1.0), xtol=1e-13, ftol=settled, gtol=1e-15, max_nfev=evaluations
     )
 
 

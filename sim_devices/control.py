@@ -8,7 +8,6 @@ import socket
 import socketserver
 import threading
 import time
-from contextlib import suppress
 from typing import Any
 from urllib.parse import urlsplit
 
@@ -25,7 +24,7 @@ class ControlServer:
 
     Requests are ``{"request": "hello"}``, ``{"request": "now"}`` and ``{"request": "sleep", "duration_s": 0.1}``. A
     sleep is one on the bench's own clock, in a thread of its client: virtual time then passes as it does for a program
-    that holds the bench itself.
+    that holds the bench itself. One client at a time is served, because two scans would move each other's axes.
 
     Parameters
     ----------
@@ -42,6 +41,7 @@ class ControlServer:
 
     def __init__(self, bench: Bench, scene_text: str) -> None:
         self._bench, self._scene_text = bench, scene_text
+        self.client = threading.Lock()
         self._server = _Server(self)
         self.address = f"socket://127.0.0.1:{self._server.server_address[1]}"
         self._thread = threading.Thread(
@@ -90,13 +90,21 @@ class _Client(socketserver.StreamRequestHandler):
 
     def handle(self) -> None:
         """Answer line after line until the client goes."""
-        with suppress(ConnectionError):
+        control = self.server.control
+        is_served = control.client.acquire(blocking=False)
+        try:
             while line := self.rfile.readline(_LONGEST_REQUEST):
-                try:
-                    answer = self.server.control.answer(line)
-                except DeviceFaultError as error:
-                    answer = {"error": str(error)}
-                self.wfile.write(json.dumps(answer).encode() + b"\n")
+                self._send(control.answer(line) if is_served else {"error": "another program is using this bench"})
+        except DeviceFaultError as error:
+            self._send({"error": str(error)})
+        except ConnectionError:
+            return
+        finally:
+            if is_served:
+                control.client.release()
+
+    def _send(self, answer: dict[str, Any]) -> None:
+        self.wfile.write(json.dumps(answer).encode() + b"\n")
 
 
 class RemoteClock:
@@ -187,6 +195,13 @@ class RemoteClock:
             answer = None
         if isinstance(answer, dict) and all(key in answer for key in wanted):
             return answer
+        if isinstance(answer, dict) and "error" in answer:
+            raise DeviceFaultError(
+                _DEVICE,
+                f"at {self._address} it answered: {answer['error']}",
+                not_done="waiting on its clock",
+                to_do="wait until the other program has ended, or serve a second bench with 'goniometer simulate'",
+            )
         raise ReplyError(
             _DEVICE,
             f"what it answered at {self._address} has no {' and '.join(wanted)}: {line[:200]!r}",

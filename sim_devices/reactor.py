@@ -99,6 +99,8 @@ class Reactor:
             self._thread.join()
         with self._lock:
             self._close_all()
+            self._waker.close()
+            self._wakes.close()
 
     def serve(self) -> None:
         """Take everything that clients have sent, and answer what is due; raises what stops the bench."""
@@ -241,6 +243,6 @@ class Reactor:
         self._gone += (link.port for link in self._links)
         self._links.clear()
         self._close_gone()
-        for listener in (*self._listeners, self._wakes, self._waker):
+        for listener in self._listeners:
             listener.close()
         self._selector.close()

@@ -76,7 +76,7 @@ def test_a_run_never_writes_into_another_runs_journal(tmp_path):
 
 @pytest.mark.parametrize(
     ("content", "message"),
-    [(None, "does not exist"), (b"not a database at all" * 50, "cannot be read"), (b"", "cannot be read")],
+    [(None, "does not exist"), (b"not a database at all" * 50, "cannot be read"), (b"", "is empty")],
 )
 def test_what_is_no_journal_is_named(tmp_path, content, message):
     if content is not None:
@@ -119,3 +119,24 @@ def test_full_durability_is_on(tmp_path):
         assert journal._connection.execute("PRAGMA synchronous").fetchone() == (2,)
         assert journal._connection.execute("PRAGMA journal_mode").fetchone() == ("wal",)
     assert sqlite3.threadsafety >= 1
+
+
+def test_a_journal_is_begun_whole_or_not_at_all(tmp_path, monkeypatch):
+    """A kill in the middle of its beginning must not leave a run that cannot be told from one of another version."""
+    texts = {"recipe": "r" * 100_000}
+
+    class Cut(Exception):
+        pass
+
+    class Connection(sqlite3.Connection):
+        def executemany(self, *arguments):
+            super().executemany(*arguments)
+            raise Cut
+
+    connect = sqlite3.connect
+    monkeypatch.setattr(sqlite3, "connect", lambda *a, **k: connect(*a, **k, factory=Connection))
+    with pytest.raises(Cut):
+        Journal.create(tmp_path / "j", texts)
+    monkeypatch.undo()
+    with pytest.raises(JournalError, match="cut off before its first step"):
+        Journal.open(tmp_path / "j")

@@ -37,8 +37,8 @@ def readings_of(stokes, angles_deg=(0, 45, 90, 135), exit_deg=37.0, repeats=2, *
     return [*taken, reading("dark", DARK_W, exit_deg=exit_deg, **place)]
 
 
-def reduction(noise=QUIET):
-    return Reduction(Radiometry(BEAM_W, ACCEPTANCE_SR), noise)
+def reduction(noise=QUIET, has_dark=True):
+    return Reduction(Radiometry(BEAM_W, ACCEPTANCE_SR), noise, has_dark=has_dark)
 
 
 @pytest.mark.parametrize("angles_deg", [(0, 45, 90, 135), (0, 60, 120), (10, 31, 77, 101, 166), (-20, 25, 250)])
@@ -54,7 +54,7 @@ def test_s_polarized_light_is_positive_s1_and_passes_the_polarizer_at_zero():
     along_s = [
         reading("signal", 1e-9 if a == 0 else 0.5e-9 if a in (45, 135) else 0.0, angle_deg=a) for a in (0, 45, 90, 135)
     ]
-    point = reduction().point(along_s, LampLevel())
+    point = reduction(has_dark=False).point(along_s, LampLevel())
     assert_allclose(point.stokes[1], point.stokes[0], rtol=1e-12)
     assert_allclose(point.aolp_deg, 0.0, atol=1e-9)
 
@@ -157,7 +157,61 @@ def test_debiasing_removes_most_of_the_bias_of_weakly_polarized_light():
 
 def test_light_below_the_noise_has_no_degree_of_polarization():
     dim = [reading("signal", -1e-11, angle_deg=a) for a in (0, 45, 90, 135)]
-    point = reduction().point(dim, LampLevel())
+    point = reduction(has_dark=False).point(dim, LampLevel())
     assert math.isnan(point.dolp)
     assert math.isnan(point.dolp_debiased)
     assert_allclose(point.aolp_stderr_deg, 180 / math.sqrt(12))
+
+
+@pytest.mark.parametrize("taken", range(1, 10))
+def test_a_scan_cut_anywhere_in_a_point_is_reduced_right_or_not_at_all(taken):
+    """The dark reading comes last: without it the dark power would pass for light."""
+    stokes = (0.03, -0.012, 0.007)
+    points = reduction().scan(readings_of(stokes, point=0) + readings_of(stokes, point=1)[:taken])
+    assert len(points) == (2 if taken == 9 else 1)
+    for point in points:
+        assert_allclose(point.stokes, stokes, rtol=1e-9)
+
+
+def test_a_reference_that_was_cut_from_its_dark_reading_does_not_count():
+    whole = [reading("reference", DARK_W + 4e-8), *readings_of((0.3, 0.1, 0.0))]
+    cut = [reading("reference", DARK_W + 4e-8, point=1, time_s=9.0)]
+    assert reduction().lamp_level(whole + cut).times_s == (0.0,)
+
+
+def test_light_polarized_along_p_has_an_angle_of_plus_90_degrees():
+    along_p = [reading("signal", {0: 0.0, 90: 1e-9}.get(a, 0.5e-9), angle_deg=a) for a in (0, 45, 90, 135)]
+    assert_allclose(reduction(has_dark=False).point(along_p, LampLevel()).aolp_deg, 90.0)
+
+
+def test_the_variance_of_the_lamp_level_describes_its_scatter():
+    """Between references, at the first, and after the last; the first is in every ratio's denominator."""
+    rng = np.random.default_rng(5)
+    times_s, true_w, stderr_w = (0.0, 10.0, 20.0), np.array([4e-8, 3.5e-8, 3.8e-8]), 4e-10
+    for time_s, true_level in ((0.0, 1.0), (2.5, 3.875 / 4), (10.0, 3.5 / 4), (15.0, 3.65 / 4), (30.0, 3.8 / 4)):
+        levels, variances = [], []
+        for _ in range(2000):
+            level, variance = LampLevel(times_s, tuple(rng.normal(true_w, stderr_w)), (stderr_w**2,) * 3).at(time_s)
+            levels.append(level - true_level)
+            variances.append(variance)
+        assert_allclose(np.mean(np.square(levels)), np.mean(variances), rtol=0.12, atol=1e-15)
+
+
+def test_few_photons_do_not_bias_the_result():
+    """Weights from the measured powers would favour readings that came out low."""
+    photon_j = 6.62607015e-34 * 299792458.0 / 550e-9
+    noise = NoiseModel(
+        read_w=2 * photon_j / EXPOSURE_S * math.sqrt(EXPOSURE_S / 0.003), sample_s=0.003, shot=True, wavelength_nm=550
+    )
+    rng = np.random.default_rng(8)
+    photons_of_s0 = BEAM_W * ACCEPTANCE_SR * math.cos(math.radians(37.0)) * EXPOSURE_S / photon_j
+    s0, seen = 60.0 / photons_of_s0, []
+    for _ in range(1500):
+        readings = [
+            reading("signal", (rng.poisson(30) + rng.normal(0, 2)) * photon_j / EXPOSURE_S, angle_deg=a, repeat=i)
+            for a in (0, 45, 90, 135)
+            for i in range(3)
+        ]
+        seen.append(reduction(noise, has_dark=False).point(readings, LampLevel()).stokes[0] / s0)
+    assert abs(np.mean(seen) - 1.0) < 4 * np.std(seen) / math.sqrt(len(seen))
+    assert np.std(seen) / math.sqrt(len(seen)) < 0.003

@@ -26,7 +26,8 @@ def covered(tmp_path, sample, seeds):
         (tmp_path / "scenes" / f"{sample}.yaml").write_text(yaml.safe_dump(scene | {"seed": seed}))
         stored = goniometer.run(recipe, out=tmp_path / "runs", speed="max", live_fit=False)
         for name, estimate in stored.fit.parameters.items():
-            hits[name] += abs(estimate.value - stored.truth[name]) < NORMAL_95 * estimate.stderr
+            if estimate.stderr is not None:
+                hits[name] += abs(estimate.value - stored.truth[name]) < NORMAL_95 * estimate.stderr
     return hits
 
 
@@ -43,5 +44,4 @@ def test_over_100_seeds_the_intervals_hold_the_truth_as_often_as_they_say(tmp_pa
     hits = covered(tmp_path, sample, range(1000, 1100))
     print(f"{sample}: 95 % intervals that hold the truth, of 100: {dict(hits)}")
     record_property(sample, dict(hits))
-    share = sum(hits.values()) / (100 * len(hits))
-    assert LOW <= share <= HIGH
+    assert all(LOW * 100 <= held <= HIGH * 100 for held in hits.values()), hits

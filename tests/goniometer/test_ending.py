@@ -18,6 +18,7 @@ from goniometer.load_files import load_scene
 
 ROOT = Path(__file__).resolve().parents[2]
 RECIPE = ROOT / "recipes" / "iron_60deg.yaml"
+RIG = ROOT / "rigs" / "simulated.yaml"
 COMMAND = [sys.executable, "-m", "goniometer"]
 posix_only = pytest.mark.skipif(sys.platform == "win32", reason="signals of this kind exist on POSIX only")
 
@@ -88,7 +89,14 @@ def test_a_signal_during_a_long_move_stops_the_axes(tmp_path, name):
         for address in bench.addresses.values():
             text = text.replace("port: simulated", f"port: {address.tcp}", 1)
         rig.write_text(text)
-        process = goniometer("run", RECIPE, "--json", "--rig", rig, "--out", tmp_path / "runs")
+        recipe = tmp_path / "all_axes_move.yaml"
+        recipe.write_text(
+            RECIPE.read_text()
+            .replace("../", f"{ROOT.as_posix()}/")
+            .replace("incidence_deg: 60", "incidence_deg: 60\nazimuth_deg: 90")
+            .replace("exit: {start_deg: 0, stop_deg: 60, step_deg: 1}", "exit_deg: [60]")
+        )
+        process = goniometer("run", recipe, "--json", "--rig", rig, "--out", tmp_path / "runs")
         with (
             ended_afterwards(process),
             connected(scene.rig, served_ports(scene.rig, bench), bench.clock, 550.0) as devices,
@@ -97,10 +105,13 @@ def test_a_signal_during_a_long_move_stops_the_axes(tmp_path, name):
                 bench.clock.sleep(0.02)
             process.send_signal(getattr(signal, name))
             process.wait(timeout=20)
-            first_deg = devices.source_arm.position_deg()
+            axes = (devices.source_arm, devices.detector_arm, devices.sample_azimuth)
+            first_deg = [axis.position_deg() for axis in axes]
             bench.clock.sleep(0.2)
-            assert devices.source_arm.position_deg() == first_deg < 60.0
-            assert not devices.source_arm.is_moving()
+            assert [axis.position_deg() for axis in axes] == first_deg
+            assert not any(axis.is_moving() for axis in axes)
+            target_deg = (60.0, 60.0, 90.0)
+            assert all(0.5 < at < target for at, target in zip(first_deg, target_deg, strict=True))
 
 
 @posix_only
@@ -134,6 +145,8 @@ def kill_at_any_moment(tmp_path, seed):
         out, errors = fitting.communicate(timeout=60)
     assert fitting.returncode == 0, errors
     assert "sigma" in out
+    written = json.loads((folder / "fit.json").read_text())
+    assert written["chi_square"] < 2 * written["degrees_of_freedom"]
     assert (folder / "report.png").stat().st_size > 10_000
 
 
@@ -156,3 +169,44 @@ def test_a_bench_served_by_another_process_gives_the_same_result(tmp_path):
     assert there == here
     fits = [json.loads((next((tmp_path / name).iterdir()) / "fit.json").read_text()) for name in ("there", "here")]
     assert fits[0] == fits[1]
+
+
+@posix_only
+def test_a_signal_that_was_ignored_at_the_start_stays_ignored(tmp_path):
+    """As under nohup."""
+    command = [
+        sys.executable,
+        "-c",
+        "import signal; signal.signal(signal.SIGHUP, signal.SIG_IGN); import goniometer.cli; goniometer.cli.main()",
+    ]
+    short = tmp_path / "short.yaml"
+    short.write_text(RECIPE.read_text().replace("../", f"{ROOT.as_posix()}/").replace("step_deg: 1", "step_deg: 20"))
+    arguments = ["run", str(short), "--json", "--speed", "40", "--out", str(tmp_path / "runs")]
+    process = subprocess.Popen([*command, *arguments], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    with ended_afterwards(process):
+        process.stdout.readline()
+        process.send_signal(signal.SIGHUP)
+        rest = process.stdout.read().splitlines()
+        assert process.wait(timeout=30) == 0
+    assert json.loads(rest[-2])["reason"] == "finished"
+
+
+def test_a_run_without_a_finished_direction_says_so(tmp_path):
+    with Journal.create(tmp_path / FILE_NAME, {"recipe": RECIPE.read_text(), "rig": RIG.read_text(), "scene": ""}):
+        pass
+    with ended_afterwards(goniometer("fit", tmp_path)) as fitting:
+        _, errors = fitting.communicate(timeout=60)
+    assert fitting.returncode == 1
+    assert "0 readings and not one finished direction" in errors
+
+
+def test_a_program_without_a_standard_output_scans_all_the_same(tmp_path):
+    short = tmp_path / "short.yaml"
+    short.write_text(RECIPE.read_text().replace("../", f"{ROOT.as_posix()}/").replace("step_deg: 1", "step_deg: 20"))
+    arguments = ["run", str(short), "--speed", "max", "--out", str(tmp_path / "runs")]
+    code = f"import sys; sys.stdout = None; sys.argv[1:] = {arguments!r}"
+    command = [sys.executable, "-c", f"{code}; import goniometer.cli; goniometer.cli.main()"]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
+    assert done.returncode == 0, done.stderr
+    _, readings = stored_readings(tmp_path / "runs")
+    assert len(readings) == 4 * 5 * 3

@@ -8,7 +8,7 @@ import time
 import pytest
 from numpy.testing import assert_allclose
 
-from goniometer.errors import NotConnectedError, ReplyError
+from goniometer.errors import DeviceFaultError, NotConnectedError, ReplyError
 from sim_devices.bench import Address, Bench
 from sim_devices.clock import ScaledClock, VirtualClock
 from sim_devices.control import ControlServer, RemoteClock
@@ -92,6 +92,15 @@ def test_requests_are_answered_one_line_each(bench, serve, connect, line, keys):
     control.sendall(line + b"\n")
     with control.makefile("rb") as replies:
         assert set(json.loads(replies.readline())) == keys
+
+
+def test_one_program_at_a_time(bench, serve, remote):
+    address = serve(bench)
+    first = remote(address)
+    with pytest.raises(DeviceFaultError, match="another program is using this bench"):
+        RemoteClock(address)
+    first.sleep(1.0)
+    assert_allclose(first.now(), 1.0)
 
 
 def test_no_bench_at_the_address():
