@@ -44,10 +44,27 @@ class Reflection:
         return matrix
 
 
-def reflect(cos_facet: FloatArray, sin2_facet: FloatArray, index: complex) -> Reflection:
-    """Fresnel reflection at the local angle of incidence.
+@dataclass(frozen=True)
+class Amplitudes:
+    """Amplitude coefficients without cancellation: r_s = e (z + sin²), -r_p = e (z - sin²), with |e|² = scale.
 
-    Textbook forms subtract nearly equal numbers in Rs - Rp, near normal incidence and for metals. With d = w =
+    Attributes
+    ----------
+    z_re, z_im : ndarray
+        Real and imaginary part of z = cos·sqrt(N² - sin²).
+    scale : ndarray
+        Squared size of the common factor e, whose phase no Mueller matrix knows.
+    """
+
+    z_re: FloatArray
+    z_im: FloatArray
+    scale: FloatArray
+
+
+def amplitudes(cos_facet: FloatArray, sin2_facet: FloatArray, index: complex) -> Amplitudes:
+    """Fresnel coefficients of one facet, common factor apart.
+
+    Textbook forms subtract nearly equal numbers in Rs - Rp, near normal incidence and for metals. With d =
     sqrt(N² - sin²) and z = c d one has r_s = (1 - N²)/(c + d)² and r_p = -r_s (z - sin²)/(z + sin²), in which nothing
     that matters cancels.
 
@@ -69,13 +86,27 @@ def reflect(cos_facet: FloatArray, sin2_facet: FloatArray, index: complex) -> Re
     z_re, z_im = c * d_re, c * d_im
     sum_squared = np.maximum((c + d_re) ** 2 + d_im**2, _TINY)
     r_s2 = (np.hypot(contrast_re, contrast_im) / sum_squared) ** 2
-    f = r_s2 / ((z_re + s2) ** 2 + z_im**2)
-    r_p2 = f * ((z_re - s2) ** 2 + z_im**2)
+    return Amplitudes(z_re=z_re, z_im=z_im, scale=r_s2 / ((z_re + s2) ** 2 + z_im**2))
+
+
+def reflect(cos_facet: FloatArray, sin2_facet: FloatArray, index: complex) -> Reflection:
+    """Fresnel reflection at the local angle of incidence, as it acts on Stokes vectors.
+
+    Parameters
+    ----------
+    cos_facet, sin2_facet : ndarray
+        Cosine and squared sine of the angle of incidence on the facet, given separately to keep both exact.
+    index : complex
+        n + ik, n > 0, k >= 0, relative to the medium of incidence.
+    """
+    s2, at = sin2_facet, amplitudes(cos_facet, sin2_facet, index)
+    r_s2 = at.scale * ((at.z_re + s2) ** 2 + at.z_im**2)
+    r_p2 = at.scale * ((at.z_re - s2) ** 2 + at.z_im**2)
     return Reflection(
         mean=(r_s2 + r_p2) / 2.0,
-        half_difference=2.0 * f * s2 * z_re,
-        cross_real=-f * ((z_re - s2) * (z_re + s2) + z_im**2),
-        cross_imag=2.0 * f * s2 * z_im,
+        half_difference=2.0 * at.scale * s2 * at.z_re,
+        cross_real=-at.scale * ((at.z_re - s2) * (at.z_re + s2) + at.z_im**2),
+        cross_imag=2.0 * at.scale * s2 * at.z_im,
     )
 
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-import pytest
 
 from model.vgroove import bounce_mueller
 
@@ -21,9 +20,3 @@ def test_agrees_with_the_reference_to_rounding() -> None:
         computed = bounce_mueller(1, ti, tr, phi, sigma=sigma, asymmetry=0.0, index=complex(n, k))
         tolerance = (1e-12 + 4.0 * sensitivity) * expected[0, 0]
         np.testing.assert_allclose(computed, expected, rtol=0.0, atol=tolerance, err_msg=str(row))
-
-
-@pytest.mark.parametrize(("bounces", "asymmetry"), [(2, 0.0), (1, 0.3), (0, 0.0)])
-def test_says_what_is_supported(bounces: int, asymmetry: float) -> None:
-    with pytest.raises(ValueError, match="bounces = 1, asymmetry = 0"):
-        bounce_mueller(bounces, 0.5, 0.5, np.pi, sigma=0.3, asymmetry=asymmetry, index=1.5 + 0j)

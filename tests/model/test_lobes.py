@@ -8,7 +8,8 @@ from numpy.testing import assert_allclose
 
 from model.geometry import directions
 from model.lobes import Diffuse, Directional, Specular
-from model.mueller import depolarizer, dolp
+from model.mueller import depolarizer
+from model.stokes import dolp
 from model.surface import Surface
 from model.vgroove import masking
 

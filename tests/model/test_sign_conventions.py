@@ -10,7 +10,8 @@ from model.facet import facet_mueller
 from model.fresnel import reflect
 from model.geometry import directions, in_plane
 from model.lobes import Specular
-from model.mueller import aolp, polarizer_row
+from model.mueller import polarizer_row
+from model.stokes import aolp
 from model.surface import Surface
 
 GLASS, IRON = complex(1.525), 2.95 + 2.932j

@@ -1,0 +1,66 @@
+"""How many bounces are enough: a bound on the light that needs more.
+
+A ray meets at most ceil(pi/γ) walls of a groove with opening γ, because unfolded it is a straight line across spokes γ
+apart. Light that needs more than K bounces is therefore in grooves with γ < pi/K, whose mean slope exceeds t_K, the
+slope at γ = pi/K. Grooves end at one height, so that each takes light in proportion to its ground area, whatever the
+incidence: the share in grooves steeper than t_K is the tail of the Gaussian slope vector, exp(-t_K²/2σ²). Absorbing
+walls and shallower grooves only make it less.
+"""
+
+from __future__ import annotations
+
+from itertools import count
+
+import numpy as np
+
+from model.groove_slope import slope_of_opening
+from model.slopes import require_sigma
+
+
+def light_beyond(bounces: int, sigma: float, asymmetry: float = 0.0) -> float:
+    """Upper bound of the fraction of light, at any incidence, that needs more than so many bounces.
+
+    Parameters
+    ----------
+    bounces : int
+        K, at least 1.
+    sigma : float
+        rms slope per axis, > 0.
+    asymmetry : float
+        a, at least 0 and below 1.
+
+    Raises
+    ------
+    ValueError
+        If an argument is outside its range.
+    """
+    if bounces < 1:
+        raise ValueError(f"bounces is {bounces}; it is a whole number of at least 1. Nothing was computed.")
+    if not 0.0 <= asymmetry < 1.0:
+        raise ValueError(f"asymmetry is {asymmetry:g}; allowed is at least 0 and below 1. Nothing was computed.")
+    require_sigma(sigma)
+    if bounces == 1:
+        return 1.0  # γ = pi: every groove is steeper than flat
+    opening = np.pi / bounces
+    steepest = float(slope_of_opening(np.sin(opening), np.cos(opening), asymmetry))
+    return float(np.exp(-0.5 * (steepest / sigma) ** 2))
+
+
+def bounces_for(tolerance: float, sigma: float, asymmetry: float = 0.0) -> int:
+    """Smallest number of bounces beyond which at most a fraction `tolerance` of the light remains.
+
+    Parameters
+    ----------
+    tolerance : float
+        Above 0, below 1.
+    sigma, asymmetry
+        As for `light_beyond`.
+
+    Raises
+    ------
+    ValueError
+        If an argument is outside its range.
+    """
+    if not 0.0 < tolerance < 1.0:
+        raise ValueError(f"tolerance is {tolerance:g}; allowed is above 0 and below 1. Nothing was computed.")
+    return next(bounces for bounces in count(1) if light_beyond(bounces, sigma, asymmetry) <= tolerance)
