@@ -5,13 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from model.geometry import Directions, FloatArray, directions
+from model.domain import above_horizon, require_directions
+from model.geometry import FloatArray, directions
 from model.lobes import Diffuse, Directional, Lobe, Specular
 from model.mueller import UNPOLARIZED
-
-_HORIZON_RAD = np.pi / 2.0
 
 
 class Surface:
@@ -53,9 +52,10 @@ class Surface:
         ValueError
             If an angle is outside its range.
         """
-        at = _checked_directions(incidence_rad, exit_rad, azimuth_rad)
+        require_directions(incidence_rad, exit_rad, azimuth_rad)
+        at = directions(incidence_rad, exit_rad, azimuth_rad)
         total = sum((lobe.mueller(at) for lobe in self.lobes), np.zeros(()))
-        return np.where(_above_horizon(at)[..., None, None], total, 0.0)
+        return np.where(above_horizon(incidence_rad, exit_rad)[..., None, None], total, 0.0)
 
     def stokes(
         self,
@@ -86,9 +86,10 @@ class Surface:
         state = np.asarray(incoming, dtype=np.float64)
         if state.shape[-1:] != (4,):
             raise ValueError(f"incoming has shape {state.shape}; a Stokes vector has four elements on its last axis.")
-        at = _checked_directions(incidence_rad, exit_rad, azimuth_rad)
+        require_directions(incidence_rad, exit_rad, azimuth_rad)
+        at = directions(incidence_rad, exit_rad, azimuth_rad)
         total = sum((lobe.stokes(at, state) for lobe in self.lobes), np.zeros(()))
-        return np.where(_above_horizon(at)[..., None], total, 0.0)
+        return np.where(above_horizon(incidence_rad, exit_rad)[..., None], total, 0.0)
 
     def describe(self) -> str:
         """What the surface consists of, what was left out and why, one paragraph a lobe."""
@@ -101,23 +102,3 @@ class Surface:
         if absent:
             paragraphs.append(f"Left out because not asked for: {', '.join(absent)} lobe.")
         return "\n".join(paragraphs)
-
-
-def _checked_directions(incidence_rad: ArrayLike, exit_rad: ArrayLike, azimuth_rad: ArrayLike) -> Directions:
-    for name, angle in (("incidence_rad", incidence_rad), ("exit_rad", exit_rad)):
-        _require_range(name, angle, 0.0, _HORIZON_RAD, "0 to pi/2")
-    _require_range("azimuth_rad", azimuth_rad, -np.inf, np.inf, "any finite angle")
-    return directions(incidence_rad, exit_rad, azimuth_rad)
-
-
-def _require_range(name: str, angle: ArrayLike, low: float, high: float, meaning: str) -> None:
-    values = np.asarray(angle, dtype=np.float64)
-    inside = np.isfinite(values) & (values >= low) & (values <= high)
-    if not inside.all():
-        first = values[~inside].flat[0]
-        raise ValueError(f"{name} holds {first:.9g} rad; allowed is {meaning}. Nothing was computed.")
-
-
-def _above_horizon(at: Directions) -> NDArray[np.bool_]:
-    above: NDArray[np.bool_] = (at.incidence_rad < _HORIZON_RAD) & (at.exit_rad < _HORIZON_RAD)
-    return above
