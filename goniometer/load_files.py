@@ -66,9 +66,9 @@ def load_recipe(path: Path, rig_path: Path | None = None) -> Setup:
         Lists every fault of the three files, sorted by file and line.
     """
     report = _Report()
-    recipe_file = report.read(path)
+    recipe_file = report.read(path, "recipe")
     recipe = report.validated(recipe_file, Recipe)
-    rig_file = report.read(rig_path) if rig_path else report.read_named(recipe_file, "rig")
+    rig_file = report.read(rig_path, "rig") if rig_path else report.read_named(recipe_file, "rig")
     rig = report.validated(rig_file, Rig)
     is_real = rig is not None and not rig.is_simulated and rig.bench is None
     scene_file = None if is_real else report.read_named(recipe_file, "scene")
@@ -103,7 +103,7 @@ def load_scene(path: Path) -> SceneSetup:
         Lists every fault of the two files, sorted by file and line.
     """
     report = _Report()
-    scene_file = report.read(path)
+    scene_file = report.read(path, "scene")
     scene = report.validated(scene_file, Scene)
     rig_file = report.read_named(scene_file, "rig")
     rig = report.validated(rig_file, Rig)
@@ -123,7 +123,7 @@ def load_rig(path: Path) -> Rig:
         Lists every fault of the file, sorted by line.
     """
     report = _Report()
-    rig = report.validated(report.read(path), Rig)
+    rig = report.validated(report.read(path, "rig"), Rig)
     if report.faults or not rig:
         raise report.error()
     return rig
@@ -137,9 +137,7 @@ def load_file(path: Path) -> Setup | SceneSetup | Rig:
     ConfigurationError
         Lists every fault, sorted by file and line.
     """
-    keys = set(read_yaml(path).data or {})
-    likeness: dict[Kind, int] = {kind: len(keys & set(model.model_fields)) for kind, model in MODELS.items()}
-    match max(likeness, key=likeness.__getitem__):
+    match _likeness(read_yaml(path)):
         case "recipe":
             return load_recipe(path)
         case "scene":
@@ -148,15 +146,23 @@ def load_file(path: Path) -> Setup | SceneSetup | Rig:
             return load_rig(path)
 
 
+def _likeness(file: YamlFile) -> Kind:
+    """Which kind of file the keys at its top are those of."""
+    keys = set(file.data or {})
+    return max(MODELS, key=lambda kind: len(keys & set(MODELS[kind].model_fields)))
+
+
 class _Report:
     """Reads and validates files, and collects what is wrong with them."""
 
     def __init__(self) -> None:
         self.faults: list[Fault] = []
 
-    def read(self, path: Path) -> YamlFile:
-        """Read a file that the caller names."""
+    def read(self, path: Path, kind: Kind) -> YamlFile:
+        """Read a file that the caller names; raises ConfigurationError when it is one of another kind."""
         file = read_yaml(path)
+        if file.data and not file.faults and (other := _likeness(file)) != kind:
+            raise ConfigurationError([str(file.fault((), f"this is a {other}, and a {kind} is needed here"))])
         self.faults += file.faults
         return file
 

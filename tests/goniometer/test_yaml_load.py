@@ -241,3 +241,17 @@ def check(tmp_path_factory, folder: str, content: bytes) -> None:
         report = str(error)
     assert report.startswith(str(base))
     report.encode()
+
+
+@pytest.mark.parametrize(
+    ("load", "name", "message"),
+    [
+        (load_recipe, "scenes/iron.yaml", "this is a scene, and a recipe is needed here"),
+        (load_recipe, "rigs/simulated.yaml", "this is a rig, and a recipe is needed here"),
+        (load_scene, "recipes/iron_60deg.yaml", "this is a recipe, and a scene is needed here"),
+    ],
+)
+def test_a_file_of_another_kind_is_named_as_what_it_is(load, name: str, message: str) -> None:
+    with pytest.raises(ConfigurationError, match=message) as caught:
+        load(ROOT / name)
+    assert len(caught.value.faults) == 1
