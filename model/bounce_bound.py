@@ -9,12 +9,29 @@ walls and shallower grooves only make it less.
 
 from __future__ import annotations
 
+import math
+from dataclasses import dataclass
 from itertools import count
-
-import numpy as np
 
 from model.groove_slope import slope_of_opening
 from model.slopes import require_sigma
+
+
+@dataclass(frozen=True)
+class Tolerance:
+    """As many bounces as leave no more than a fraction of the light.
+
+    Parameters
+    ----------
+    fraction : float
+        Above 0, below 1.
+    """
+
+    fraction: float
+
+    def bounces(self, sigma: float, asymmetry: float = 0.0) -> int:
+        """How many these are; arguments as for `light_beyond`."""
+        return bounces_for(self.fraction, sigma, asymmetry)
 
 
 def light_beyond(bounces: int, sigma: float, asymmetry: float = 0.0) -> float:
@@ -41,9 +58,11 @@ def light_beyond(bounces: int, sigma: float, asymmetry: float = 0.0) -> float:
     require_sigma(sigma)
     if bounces == 1:
         return 1.0  # γ = pi: every groove is steeper than flat
-    opening = np.pi / bounces
-    steepest = float(slope_of_opening(np.sin(opening), np.cos(opening), asymmetry))
-    return float(np.exp(-0.5 * (steepest / sigma) ** 2))
+    opening = math.pi / bounces
+    steepest = slope_of_opening(math.sin(opening), math.cos(opening), asymmetry)
+    assert isinstance(steepest, float)
+    ratio = min(steepest / sigma, 1e3)  # beyond which the bound underflows to 0 anyway
+    return math.exp(-0.5 * ratio * ratio)
 
 
 def bounces_for(tolerance: float, sigma: float, asymmetry: float = 0.0) -> int:

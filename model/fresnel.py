@@ -8,60 +8,36 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numpy as np
+from model.kernel.expression import Value, maximum, sqrt, where
+from model.matrix import Matrix
 
-from model.geometry import FloatArray
-
-_TINY = np.finfo(np.float64).tiny
-
-
-@dataclass(frozen=True)
-class Reflection:
-    """What a reflection does to Stokes vectors, in the facet's own s-p frame.
-
-    Attributes
-    ----------
-    mean : ndarray
-        (Rs + Rp)/2.
-    half_difference : ndarray
-        (Rs - Rp)/2.
-    cross_real, cross_imag : ndarray
-        Real and imaginary part of r_s r_p*.
-    """
-
-    mean: FloatArray
-    half_difference: FloatArray
-    cross_real: FloatArray
-    cross_imag: FloatArray
-
-    def mueller(self) -> FloatArray:
-        """Mueller matrices in the facet's s-p frame, shape (..., 4, 4)."""
-        matrix = np.zeros((*np.shape(self.mean), 4, 4))
-        matrix[..., 0, 0] = matrix[..., 1, 1] = self.mean
-        matrix[..., 0, 1] = matrix[..., 1, 0] = self.half_difference
-        matrix[..., 2, 2] = matrix[..., 3, 3] = self.cross_real
-        matrix[..., 2, 3], matrix[..., 3, 2] = -self.cross_imag, self.cross_imag
-        return matrix
+_LARGEST = 1e8
+_SMALLEST = 1e-8
+# Below any square root that is divided by; what is divided is then 0.
+_TINY = 1e-290
 
 
 @dataclass(frozen=True)
 class Amplitudes:
-    """Amplitude coefficients without cancellation: r_s = e (z + sin²), -r_p = e (z - sin²), with |e|² = scale.
+    """Amplitude coefficients without cancellation: r_s = e (z + w), -r_p = e (z - w), with |e|² = scale.
 
     Attributes
     ----------
-    z_re, z_im : ndarray
-        Real and imaginary part of z = cos·sqrt(N² - sin²).
-    scale : ndarray
+    z_re, z_im : Value
+        Real and imaginary part of z, of the order of 1.
+    unit : Value
+        Factor that brought z there: w = sin²·unit, and all that goes with sin² takes it likewise.
+    scale : Value
         Squared size of the common factor e, whose phase no Mueller matrix knows.
     """
 
-    z_re: FloatArray
-    z_im: FloatArray
-    scale: FloatArray
+    z_re: Value
+    z_im: Value
+    unit: Value
+    scale: Value
 
 
-def amplitudes(cos_facet: FloatArray, sin2_facet: FloatArray, index: complex) -> Amplitudes:
+def amplitudes(cos_facet: Value, sin2_facet: Value, n: Value, k: Value) -> Amplitudes:
     """Fresnel coefficients of one facet, common factor apart.
 
     Textbook forms subtract nearly equal numbers in Rs - Rp, near normal incidence and for metals. With d =
@@ -70,47 +46,52 @@ def amplitudes(cos_facet: FloatArray, sin2_facet: FloatArray, index: complex) ->
 
     Parameters
     ----------
-    cos_facet, sin2_facet : ndarray
+    cos_facet, sin2_facet : Value
         Cosine and squared sine of the angle of incidence on the facet, given separately to keep both exact.
-    index : complex
-        n + ik, n > 0, k >= 0, relative to the medium of incidence.
+    n, k : Value
+        Refractive index n + ik relative to the medium of incidence.
     """
-    c, s2, n, k = cos_facet, sin2_facet, index.real, index.imag
+    c, s2 = cos_facet, sin2_facet
     contrast_re, contrast_im = (n - 1.0) * (n + 1.0) - k * k, 2.0 * n * k  # N² - 1
     # N² - sin²: near n = 1 as (N² - 1) + cos², elsewhere with fewer roundings.
-    q = contrast_re + c * c if abs(contrast_re) < 0.5 else n * n - k * k - s2
-    larger = np.sqrt((np.hypot(q, contrast_im) + np.abs(q)) / 2.0)
-    smaller = contrast_im / (2.0 * np.maximum(larger, _TINY))
-    d_re, d_im = np.where(q >= 0.0, larger, smaller), np.where(q >= 0.0, smaller, larger)
+    q = where(abs(contrast_re) < 0.5, contrast_re + c * c, n * n - k * k - s2)
+    size = maximum(sqrt(q * q + contrast_im * contrast_im), abs(q), contrast_im)
+    larger = sqrt((size + abs(q)) * 0.5)
+    smaller = contrast_im / (2.0 * maximum(larger, _TINY))
+    d_re, d_im = where(q >= 0.0, larger, smaller), where(q >= 0.0, smaller, larger)
 
     z_re, z_im = c * d_re, c * d_im
-    sum_squared = np.maximum((c + d_re) ** 2 + d_im**2, _TINY)
-    r_s2 = (np.hypot(contrast_re, contrast_im) / sum_squared) ** 2
-    return Amplitudes(z_re=z_re, z_im=z_im, scale=r_s2 / ((z_re + s2) ** 2 + z_im**2))
+    sum_re = c + d_re
+    sum2 = maximum(sum_re * sum_re + d_im * d_im, _TINY)
+    unit = maximum(z_re + z_im + s2, _TINY)
+    # One division for two: both are of an order that their product keeps.
+    inverse = 1.0 / (sum2 * unit)
+    z_re, z_im, w = z_re * inverse * sum2, z_im * inverse * sum2, s2 * inverse * sum2
+    r_s = sqrt(contrast_re * contrast_re + contrast_im * contrast_im) * inverse * unit
+    sum_re = z_re + w
+    return Amplitudes(z_re, z_im, inverse * sum2, r_s * r_s / (sum_re * sum_re + z_im * z_im))
 
 
-def reflect(cos_facet: FloatArray, sin2_facet: FloatArray, index: complex) -> Reflection:
-    """Fresnel reflection at the local angle of incidence, as it acts on Stokes vectors.
-
-    Parameters
-    ----------
-    cos_facet, sin2_facet : ndarray
-        Cosine and squared sine of the angle of incidence on the facet, given separately to keep both exact.
-    index : complex
-        n + ik, n > 0, k >= 0, relative to the medium of incidence.
-    """
-    s2, at = sin2_facet, amplitudes(cos_facet, sin2_facet, index)
-    r_s2 = at.scale * ((at.z_re + s2) ** 2 + at.z_im**2)
-    r_p2 = at.scale * ((at.z_re - s2) ** 2 + at.z_im**2)
-    return Reflection(
-        mean=(r_s2 + r_p2) / 2.0,
-        half_difference=2.0 * at.scale * s2 * at.z_re,
-        cross_real=-at.scale * ((at.z_re - s2) * (at.z_re + s2) + at.z_im**2),
-        cross_imag=2.0 * at.scale * s2 * at.z_im,
+def reflection(cos_facet: Value, sin2_facet: Value, n: Value, k: Value) -> Matrix:
+    """Mueller matrix of one reflection in the facet's own s-p frame; arguments as for `amplitudes`."""
+    at = amplitudes(cos_facet, sin2_facet, n, k)
+    w = sin2_facet * at.unit
+    plus, minus, phase = at.z_re + w, at.z_re - w, at.z_im * at.z_im
+    s, p = plus * plus + phase, minus * minus + phase
+    mean, half_difference = at.scale * (s + p) * 0.5, 2.0 * at.scale * w * at.z_re
+    cross_re, cross_im = -at.scale * (minus * plus + phase), 2.0 * at.scale * w * at.z_im
+    return (
+        (mean, half_difference, 0.0, 0.0),
+        (half_difference, mean, 0.0, 0.0),
+        (0.0, 0.0, cross_re, -cross_im),
+        (0.0, 0.0, cross_im, cross_re),
     )
 
 
 def require_index(index: complex) -> None:
     """Raise ValueError unless the index can be n + ik of a material."""
-    if not (0.0 < index.real < np.inf and 0.0 <= index.imag < np.inf):
-        raise ValueError(f"index is {index}; it is n + ik with n above 0 and k of at least 0, both finite.")
+    if not (_SMALLEST <= index.real <= _LARGEST and 0.0 <= index.imag <= _LARGEST):
+        raise ValueError(
+            f"index is {index}; it is n + ik with n above 0 and k of at least 0 "
+            f"(n from {_SMALLEST:g} to {_LARGEST:g}, k to {_LARGEST:g})."
+        )

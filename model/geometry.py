@@ -19,50 +19,86 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from model.kernel.expression import Value, cos, minimum, sin, sqrt, where
+
 FloatArray = NDArray[np.float64]
 
-# Below this |i × r| its components lose digits, because they are among the smallest numbers there are.
-_RETRO = np.finfo(np.float64).tiny / np.finfo(np.float64).eps
+# Squared sine of the angle between i and r below which no plane holds both; the facet then polarizes nothing.
+_RETRO = 1e-290
 
 
 @dataclass(frozen=True)
 class Rotation:
-    """Cosine and sine of twice the angle from a ray's x-axis to the facet's s-direction, counted about the ray."""
+    """Cosine and sine of twice the angle from a ray's x-axis to another one, counted about the ray."""
 
-    cos2: FloatArray
-    sin2: FloatArray
+    cos2: Value
+    sin2: Value
 
 
 @dataclass(frozen=True)
-class Directions:
-    """A pair of directions and the facet that mirrors one into the other; all arrays of one broadcast shape.
+class Angles:
+    """Sines and cosines of a pair of directions, and differences of them to full relative precision.
 
     Attributes
     ----------
-    incidence_rad, exit_rad : ndarray
-        The macro angles.
-    cos_incidence, cos_exit : ndarray
-        Their cosines.
-    horizontal_product : ndarray
-        Product of the horizontal parts of i and r: sin ti sin tr cos phi.
-    slope : ndarray
+    sin_incidence, cos_incidence, sin_exit, cos_exit : Value
+        Of the macro angles.
+    sin_azimuth, cos_azimuth, versine, coversine : Value
+        Of phi, with 1 - cos phi and 1 + cos phi.
+    sin_difference : Value
+        sin(ti - tr).
+    difference_of_sines, difference_of_cosines : Value
+        sin ti - sin tr, cos ti - cos tr.
+    sum_of_cosines : Value
+        Vertical part of i + r.
+    """
+
+    sin_incidence: Value
+    cos_incidence: Value
+    sin_exit: Value
+    cos_exit: Value
+    sin_azimuth: Value
+    cos_azimuth: Value
+    versine: Value
+    coversine: Value
+    sin_difference: Value
+    difference_of_sines: Value
+    difference_of_cosines: Value
+    sum_of_cosines: Value
+
+
+@dataclass(frozen=True)
+class Facet:
+    """The facet that mirrors one direction into the other.
+
+    Attributes
+    ----------
+    slope : Value
         Slope of the facet against the macro surface: tan theta_h.
-    cos_facet, sin2_facet : ndarray
+    cos, sin2 : Value
         Cosine and squared sine of the angle of incidence on the facet.
+    cos_incidence, cos_exit, sum_of_cosines : Value
+        Of the macro angles.
+    horizontal_product : Value
+        Product of the horizontal parts of i and r: sin ti sin tr cos phi.
     incoming, outgoing : Rotation
         From the macro frames of the two rays to the facet's s-direction.
     """
 
-    incidence_rad: FloatArray
-    exit_rad: FloatArray
-    cos_incidence: FloatArray
-    cos_exit: FloatArray
-    horizontal_product: FloatArray
-    slope: FloatArray
-    cos_facet: FloatArray
-    sin2_facet: FloatArray
+    slope: Value
+    cos: Value
+    sin2: Value
+    cos_incidence: Value
+    cos_exit: Value
+    sum_of_cosines: Value
+    horizontal_product: Value
     incoming: Rotation
     outgoing: Rotation
+
+    @property
+    def cos_lower(self) -> Value:
+        """The smaller of the cosines of the macro angles."""
+        return minimum(self.cos_incidence, self.cos_exit)
 
 
 def in_plane(signed_exit_rad: ArrayLike) -> tuple[FloatArray, FloatArray]:
@@ -82,77 +118,74 @@ def in_plane(signed_exit_rad: ArrayLike) -> tuple[FloatArray, FloatArray]:
     return np.abs(signed), np.where(signed >= 0.0, np.pi, 0.0)
 
 
-def horizontal_sum(
-    incidence_rad: ArrayLike, exit_rad: ArrayLike, azimuth_rad: ArrayLike
-) -> tuple[FloatArray, FloatArray]:
-    """Horizontal part of i + r, without cancellation near the mirror direction.
+def angles(incidence_rad: Value, exit_rad: Value, azimuth_rad: Value) -> Angles:
+    """Sines and cosines of a pair of directions.
 
     Parameters
     ----------
-    incidence_rad, exit_rad, azimuth_rad : array_like
-        Angles in radians.
-
-    Returns
-    -------
-    x, y : ndarray
-        Its components along and across the plane of incidence; their hypotenuse is rho.
-    """
-    incidence, exit_, azimuth = (np.asarray(angle, np.float64) for angle in (incidence_rad, exit_rad, azimuth_rad))
-    x = _difference_of_sines(incidence, exit_) + 2.0 * np.sin(exit_) * np.cos(azimuth / 2.0) ** 2
-    return x, np.sin(exit_) * np.sin(azimuth)
-
-
-def directions(incidence_rad: ArrayLike, exit_rad: ArrayLike, azimuth_rad: ArrayLike) -> Directions:
-    """Describe the facet that mirrors the incoming into the outgoing ray.
-
-    Parameters
-    ----------
-    incidence_rad, exit_rad : array_like
+    incidence_rad, exit_rad : Value
         Angles from the macro normal, 0 to pi/2.
-    azimuth_rad : array_like
-        phi = phi_r - phi_i; pi is the mirror side.
+    azimuth_rad : Value
+        phi = phi_r - phi_i.
     """
-    incidence, exit_, azimuth = np.broadcast_arrays(
-        *(np.asarray(angle, np.float64) for angle in (incidence_rad, exit_rad, azimuth_rad))
+    sin_i, cos_i, sin_r, cos_r = sin(incidence_rad), cos(incidence_rad), sin(exit_rad), cos(exit_rad)
+    half_difference, half_azimuth = (incidence_rad - exit_rad) * 0.5, azimuth_rad * 0.5
+    sin_half, cos_half = sin(half_difference), cos(half_difference)
+    sin_side, cos_side = sin(half_azimuth), cos(half_azimuth)
+    versine = 2.0 * sin_side * sin_side
+    # sin a - sin b = (cos a + cos b) tan((a - b)/2), and the like with cosines: sums of one sign alone.
+    tangent, sum_z = sin_half / cos_half, cos_i + cos_r
+    return Angles(
+        sin_incidence=sin_i,
+        cos_incidence=cos_i,
+        sin_exit=sin_r,
+        cos_exit=cos_r,
+        sin_azimuth=2.0 * sin_side * cos_side,
+        cos_azimuth=1.0 - versine,
+        versine=versine,
+        coversine=2.0 * cos_side * cos_side,
+        sin_difference=2.0 * sin_half * cos_half,
+        difference_of_sines=sum_z * tangent,
+        difference_of_cosines=-(sin_i + sin_r) * tangent,
+        sum_of_cosines=sum_z,
     )
-    sin_i, cos_i, sin_r, cos_r = np.sin(incidence), np.cos(incidence), np.sin(exit_), np.cos(exit_)
-    sin_phi, versine_phi = np.sin(azimuth), 2.0 * np.sin(azimuth / 2.0) ** 2
 
-    sum_x, sum_y = horizontal_sum(incidence, exit_, azimuth)
-    sum_z = cos_i + cos_r
-    rho = np.hypot(sum_x, sum_y)
-    difference_x = _difference_of_sines(incidence, exit_) + sin_r * versine_phi
-    difference_z = -2.0 * np.sin((incidence + exit_) / 2.0) * np.sin((incidence - exit_) / 2.0)
+
+def horizontal_sum(at: Angles) -> tuple[Value, Value]:
+    """Horizontal part of i + r along and across the plane of incidence, without cancellation near the mirror."""
+    return at.difference_of_sines + at.sin_exit * at.coversine, at.sin_exit * at.sin_azimuth
+
+
+def facet(at: Angles) -> Facet:
+    """Describe the facet that mirrors the incoming into the outgoing ray."""
+    sum_z, twice_sines = at.sum_of_cosines, 2.0 * at.sin_incidence * at.sin_exit
+    # Squares of the horizontal parts of i + r and i - r as sums of one sign, the same with i and r exchanged.
+    horizontal2 = at.difference_of_sines * at.difference_of_sines
+    rho2 = horizontal2 + twice_sines * at.coversine
+    apart2 = horizontal2 + twice_sines * at.versine + at.difference_of_cosines * at.difference_of_cosines
 
     # The facet's s-direction is i × r. Its components in the two frames, multiplied out by hand:
-    sin_difference = np.sin(incidence - exit_)
-    incoming_x, incoming_y = sin_difference + cos_i * sin_r * versine_phi, sin_r * sin_phi
-    outgoing_x, outgoing_y = sin_i * cos_r * versine_phi - sin_difference, sin_i * sin_phi
-    # At retro-reflection i × r vanishes, and any direction serves in its place; this is the incoming ray's own x-axis.
-    retro = np.hypot(incoming_x, incoming_y) < _RETRO
-    incoming_x = np.where(retro, 1.0, incoming_x)
-    outgoing_x, outgoing_y = np.where(retro, -np.cos(azimuth), outgoing_x), np.where(retro, sin_phi, outgoing_y)
-
-    return Directions(
-        incidence_rad=incidence,
-        exit_rad=exit_,
-        cos_incidence=cos_i,
-        cos_exit=cos_r,
-        horizontal_product=sin_i * sin_r * np.cos(azimuth),
-        slope=rho / sum_z,
-        cos_facet=np.hypot(rho, sum_z) / 2.0,
-        sin2_facet=(difference_x**2 + sum_y**2 + difference_z**2) / 4.0,
-        incoming=_rotation(incoming_x, incoming_y),
-        outgoing=_rotation(outgoing_x, outgoing_y),
+    incoming_x = at.sin_difference + at.cos_incidence * at.sin_exit * at.versine
+    incoming_y = at.sin_exit * at.sin_azimuth
+    outgoing_x = at.sin_incidence * at.cos_exit * at.versine - at.sin_difference
+    outgoing_y = at.sin_incidence * at.sin_azimuth
+    # In both frames i × r is equally long; without a plane that holds i and r the facet polarizes nothing.
+    length2 = incoming_x * incoming_x + incoming_y * incoming_y
+    retro = length2 < _RETRO
+    inverse = 1.0 / where(retro, 1.0, length2)
+    return Facet(
+        slope=sqrt(rho2) / sum_z,
+        cos=sqrt(rho2 + sum_z * sum_z) * 0.5,
+        sin2=apart2 * 0.25,
+        cos_incidence=at.cos_incidence,
+        cos_exit=at.cos_exit,
+        sum_of_cosines=sum_z,
+        horizontal_product=at.sin_incidence * at.sin_exit * at.cos_azimuth,
+        incoming=rotation(where(retro, 1.0, incoming_x), where(retro, 0.0, incoming_y), inverse),
+        outgoing=rotation(where(retro, 1.0, outgoing_x), where(retro, 0.0, outgoing_y), inverse),
     )
 
 
-def _difference_of_sines(a: FloatArray, b: FloatArray) -> FloatArray:
-    difference: FloatArray = 2.0 * np.cos((a + b) / 2.0) * np.sin((a - b) / 2.0)
-    return difference
-
-
-def _rotation(x: FloatArray, y: FloatArray) -> Rotation:
-    length = np.hypot(x, y)
-    cos, sin = x / length, y / length
-    return Rotation(cos2=(cos - sin) * (cos + sin), sin2=2.0 * sin * cos)
+def rotation(x: Value, y: Value, inverse_length2: Value) -> Rotation:
+    """The rotation onto an axis with components (x, y), given 1/(x² + y²)."""
+    return Rotation(cos2=(x - y) * (x + y) * inverse_length2, sin2=2.0 * x * y * inverse_length2)

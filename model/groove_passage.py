@@ -7,100 +7,109 @@ in asymmetric grooves, over which wall is met first.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import NamedTuple
+from dataclasses import dataclass
 
-import numpy as np
-from numpy.typing import NDArray
-
-from model.geometry import FloatArray
+from model.geometry import Facet
 from model.groove_plane import GroovePlane
 from model.groove_slope import Grooves, sides, solve
 from model.groove_visibility import visible
+from model.kernel.expression import Value, both, either, minimum, sqrt, where
+from model.slopes import slope_density
+
+# Beyond it, closer to the mirror direction than any number can tell, nothing finite is left to be said.
+_LARGEST = 1e290
 
 
-class Passage(NamedTuple):
+@dataclass(frozen=True)
+class Passage:
     """One way through the grooves.
 
     Attributes
     ----------
-    reflectance : ndarray
+    reflectance : Value
         Of perfect mirrors, in 1/sr; 0 where it is infinite.
-    caustic : ndarray
-        Where it is infinite: more than one bounce into the mirror direction itself.
-    facing : ndarray
+    caustic : Value
+        Whether it is infinite, in the mirror direction itself.
+    facing : Value
         u: +1 where the first wall faces s, -1 where it faces -s.
     grooves : Grooves
         The walls.
     """
 
-    reflectance: FloatArray
-    caustic: NDArray[np.bool_]
-    facing: FloatArray
+    reflectance: Value
+    caustic: Value
+    facing: Value
     grooves: Grooves
 
-    @property
-    def lit(self) -> NDArray[np.bool_]:
-        """Where any light takes this way."""
-        lit: NDArray[np.bool_] = self.reflectance > 0.0
-        return lit
+
+def skews(asymmetry: Value) -> tuple[list[Value], float]:
+    """Which first walls to tell apart, by +a (the steeper) or -a, and how many of each there are."""
+    if isinstance(asymmetry, float) and asymmetry == 0.0:
+        return [0.0], 2.0
+    return [asymmetry, -asymmetry], 1.0
 
 
-def passages(bounces: int, plane: GroovePlane, sigma: float, asymmetry: float) -> Iterator[Passage]:
-    """Every way through the grooves in so many bounces.
+def single_bounce(at: Facet, sigma: Value, asymmetry: Value) -> Value:
+    """Single-bounce reflectance of a perfect mirror in 1/sr; with a = 0 it is D G/(4 cos ti cos tr).
+
+    ρ divides out: the wall that is met bisects i and r, and its slope tan θ_h is ρ/(cos ti + cos tr).
+
+    Parameters
+    ----------
+    at : Facet
+        The wall that is met.
+    sigma, asymmetry : Value
+        As for `passages`.
+    """
+    stretch = 1.0 + at.slope * at.slope
+    whole_wall = at.cos * sqrt(stretch) * 0.5
+    per_area = stretch / (2.0 * at.sum_of_cosines * at.cos_incidence * at.cos_exit)
+    signs, copies = skews(asymmetry)
+    reflectance: Value = 0.0
+    for skew in signs:
+        first, second = 1.0 + skew, 1.0 - skew
+        share = copies * minimum(second * whole_wall, at.cos_lower)
+        reflectance = reflectance + slope_density(at.slope / first, sigma, share * per_area / (first * first))
+    return reflectance
+
+
+def passages(bounces: int, plane: GroovePlane, sigma: Value, asymmetry: Value) -> Iterator[Passage]:
+    """Every way through the grooves in two bounces or more.
 
     Parameters
     ----------
     bounces : int
-        Number of bounces, at least 1.
+        Number of bounces, at least 2.
     plane : GroovePlane
         Where the light comes from and goes to.
-    sigma : float
+    sigma : Value
         rms slope per axis.
-    asymmetry : float
-        a, at least 0 and below 1.
+    asymmetry : Value
+        a, at least 0 and below 1; the number 0 for symmetric grooves.
     """
-    skews, copies = ((asymmetry, -asymmetry), 1.0) if asymmetry else ((0.0,), 2.0)
-    if bounces == 1:
-        for skew in skews:
-            yield _single(plane, sigma, skew, copies)
-        return
     if bounces % 2:
-        half_angle, complement, first_side = plane.half_sum, plane.half_sum_complement, np.ones_like(plane.rho)
+        half_angle, complement = plane.half_sum, plane.half_sum_complement
+        first_side: Value = 1.0
     else:
-        half_angle, complement = np.abs(plane.half_difference), plane.half_difference_complement
-        first_side = np.where(plane.half_difference < 0.0, -1.0, 1.0)
+        half_angle, complement = abs(plane.half_difference), plane.half_difference_complement
+        first_side = where(plane.half_difference < 0.0, -1.0, 1.0)
+    signs, copies = skews(asymmetry)
+    common = copies * plane.length * plane.inverse_rho / (2.0 * plane.cos_incidence * plane.cos_exit)
     for side in sides(half_angle, complement):
         facing = first_side if side.steep else -first_side
-        for skew in skews:
+        for skew in signs:
             grooves = solve(bounces, side, skew)
-            share = copies * plane.length * visible(bounces, plane, side, facing, grooves)
-            per_slope = (bounces + 1) // 2 * grooves.relative_first / (
-                1.0 + grooves.first**2
-            ) + bounces // 2 * grooves.relative_second / (1.0 + grooves.second**2)
-            spread = grooves.slope / (2.0 * per_slope * np.where(plane.at_mirror, np.inf, plane.rho))
-            reflectance = _at_slope(grooves.slope, sigma, share * (spread / (plane.cos_incidence * plane.cos_exit)))
-            yield Passage(reflectance, plane.at_mirror & (share > 0.0), facing, grooves)
+            share = visible(bounces, plane, side, facing, grooves)
+            spread = grooves.slope * _slope_per_angle(bounces, grooves)
+            reflectance = slope_density(grooves.slope, sigma, common * (share * spread))
+            caustic = either(both(share > 0.0, plane.at_mirror), reflectance > _LARGEST)
+            yield Passage(where(caustic, 0.0, reflectance), caustic, facing, grooves)
 
 
-def _single(plane: GroovePlane, sigma: float, skew: float, copies: float) -> Passage:
-    # ρ divides out: the wall that is met bisects i and r, and its slope tan H is ρ/(cos ti + cos tr).
-    sum_z = plane.cos_incidence + plane.cos_exit
-    first, relative_first, relative_second = plane.rho / sum_z, 1.0 + skew, 1.0 - skew
-    slope = first / relative_first
-    whole_wall = relative_second * np.hypot(plane.rho, sum_z) * np.hypot(1.0, first) / 4.0
-    share = np.minimum(whole_wall, np.minimum(plane.cos_incidence, plane.cos_exit))
-    factor = copies * share * (1.0 + first**2) / (2.0 * relative_first**2 * sum_z)
-    reflectance = _at_slope(slope, sigma, factor / (plane.cos_incidence * plane.cos_exit))
-    return Passage(
-        reflectance,
-        np.zeros(slope.shape, np.bool_),
-        np.ones_like(slope),
-        Grooves(slope, first, relative_second * slope, relative_first, relative_second),
-    )
-
-
-def _at_slope(slope: FloatArray, sigma: float, factor: FloatArray) -> FloatArray:
-    # Half the exponent twice: a large factor must not meet a density that has already lost its digits to underflow.
-    root = np.exp(-((slope / (2.0 * sigma)) ** 2))
-    density: FloatArray = root * (factor / (2.0 * np.pi * sigma**2)) * root
-    return density
+def _slope_per_angle(bounces: int, grooves: Grooves) -> Value:
+    # 1/(n1 α1' + n2 α2'), with α' = c/(1 + c² t²).
+    first, second = 1.0 + grooves.first * grooves.first, 1.0 + grooves.second * grooves.second
+    if grooves.symmetric:
+        return first * (1.0 / bounces)
+    rate1, rate2 = (bounces + 1) // 2 * grooves.relative_first, bounces // 2 * grooves.relative_second
+    return first * second / (rate1 * second + rate2 * first)

@@ -1,52 +1,65 @@
-"""Polarimetric reflectance F_k of grooves, once the plane across them is known; the same plane serves every k."""
+"""Polarimetric reflectance F_k of grooves in 1/sr, between the macro frames of both rays."""
 
 from __future__ import annotations
 
-import numpy as np
+import math
+import operator
+from collections.abc import Iterable
+from functools import partial
 
-from model.geometry import FloatArray, Rotation
-from model.groove_passage import passages
-from model.groove_plane import GroovePlane
+from model.fresnel import reflection
+from model.geometry import Angles, Facet, facet
+from model.groove_passage import passages, single_bounce
+from model.groove_plane import GroovePlane, groove_plane
 from model.groove_polarization import reflect_in_groove
-from model.mueller import rotate, rotator
+from model.kernel.expression import Value, either, guarded, where
+from model.matrix import Matrix, between_frames, mapped, scaled, total
 
 
-def groove_mueller(plane: GroovePlane, bounces: int, sigma: float, asymmetry: float, index: complex) -> FloatArray:
-    """Mueller matrices (..., 4, 4) in 1/sr of exactly so many bounces; arguments as for `vgroove.bounce_mueller`."""
-    chain, caustic = np.zeros((4, 4, *plane.rho.shape)), np.zeros(plane.rho.shape, np.bool_)
-    for passage in passages(bounces, plane, sigma, asymmetry):
-        jones = reflect_in_groove(bounces, plane, passage, index)
-        chain[..., passage.lit] += passage.reflectance[passage.lit] * jones.mueller()
-        caustic |= passage.caustic
-    turn_back = np.swapaxes(rotator(plane.outgoing), -1, -2)
-    matrix = turn_back @ np.moveaxis(_folded(chain, bounces), (0, 1), (-2, -1)) @ rotator(plane.incoming)
-    return np.where(caustic[..., None, None], np.inf, matrix)
+def facet_mueller(at: Facet, n: Value, k: Value) -> Matrix:
+    """Mueller matrix of the facet that mirrors i into r, without its density; M of eqs. (6), (7) of Hao et al. 2023."""
+    return between_frames(reflection(at.cos, at.sin2, n, k), at.incoming, at.outgoing)
 
 
-def groove_stokes(
-    plane: GroovePlane, bounces: int, sigma: float, asymmetry: float, index: complex, incoming: FloatArray
-) -> FloatArray:
-    """Stokes vectors (..., 4) in 1/sr that `groove_mueller` makes of incoming ones; unpolarized light needs no matrix.
+def groove_mueller(at: Angles, bounces: Iterable[int], sigma: Value, asymmetry: Value, n: Value, k: Value) -> Matrix:
+    """Sum of F_k over numbers of bounces.
 
-    The plane must have the shape that it and the incoming states broadcast to.
+    Parameters
+    ----------
+    at : Angles
+        Where the light comes from and goes to.
+    bounces : iterable of int
+        Which numbers to sum over.
+    sigma, asymmetry : Value
+        Of the grooves; the number 0 for symmetric ones.
+    n, k : Value
+        Refractive index n + ik of the walls.
     """
-    unpolarized = not incoming[..., 1:].any()
-    arriving = np.moveaxis(rotate(incoming, plane.incoming), -1, 0)
-    chain, caustic = np.zeros(arriving.shape), np.zeros(plane.rho.shape, np.bool_)
+    wanted, terms = set(bounces), []
+    if 1 in wanted:
+        wall = facet(at)
+        terms.append(scaled(facet_mueller(wall, n, k), single_bounce(wall, sigma, asymmetry)))
+    multiple = sorted(wanted - {1})
+    if multiple:
+        plane = groove_plane(at)
+        caustics, chains = zip(*(_chain(plane, count, sigma, asymmetry, n, k) for count in multiple), strict=True)
+        matrix = between_frames(total(chains), plane.incoming, plane.outgoing)
+        caustic = either(*caustics)
+        terms.append(mapped(matrix, lambda element: where(caustic, math.inf, element)))
+    return total(terms)
+
+
+def _chain(
+    plane: GroovePlane, bounces: int, sigma: Value, asymmetry: Value, n: Value, k: Value
+) -> tuple[Value, Matrix]:
+    caustics, ways = [], []
     for passage in passages(bounces, plane, sigma, asymmetry):
-        jones = reflect_in_groove(bounces, plane, passage, index)
-        lit = passage.reflectance[passage.lit] * arriving[:, passage.lit]
-        if unpolarized:
-            chain[:, passage.lit] += lit[0] * jones.first_column()
-        else:
-            chain[:, passage.lit] += np.einsum("ijm,jm->im", jones.mueller(), lit)
-        caustic |= passage.caustic
-    back = Rotation(plane.outgoing.cos2, -plane.outgoing.sin2)
-    stokes = rotate(np.moveaxis(_folded(chain, bounces), 0, -1), back)
-    return np.where(caustic[..., None], np.inf, stokes)
-
-
-def _folded(unfolded: FloatArray, bounces: int) -> FloatArray:
-    # Unfolding mirrors the frame once a bounce: after an odd number S2 and S3 (axis 0) have changed sign.
-    sign = 1.0 - 2.0 * (bounces % 2)
-    return np.concatenate([unfolded[:2], sign * unfolded[2:]])
+        lit = passage.reflectance > 0.0
+        matrix = scaled(reflect_in_groove(bounces, plane, passage, n, k).mueller(), passage.reflectance)
+        ways.append(mapped(matrix, partial(guarded, lit)))
+        caustics.append(passage.caustic)
+    first, second, third, fourth = total(ways)
+    if bounces % 2:
+        # Unfolding mirrors the frame once a bounce: after an odd number S2 and S3 have changed sign.
+        third, fourth = mapped((third, fourth, third, fourth), operator.neg)[:2]
+    return either(*caustics), (first, second, third, fourth)

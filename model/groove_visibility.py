@@ -10,14 +10,12 @@ Lengths over W: l1 = c2·sqrt(1 + c1² t²)/2, l2 = c1·sqrt(1 + c2² t²)/2, so
 
 from __future__ import annotations
 
-import numpy as np
-
-from model.geometry import FloatArray
 from model.groove_plane import GroovePlane
 from model.groove_slope import Grooves, Side
+from model.kernel.expression import Value, atan2, cos, maximum, minimum, sin, sqrt
 
 
-def visible(bounces: int, plane: GroovePlane, side: Side, facing: FloatArray, grooves: Grooves) -> FloatArray:
+def visible(bounces: int, plane: GroovePlane, side: Side, facing: Value, grooves: Grooves) -> Value:
     """Δp/W, from 0 to 1, of two bounces or more.
 
     Parameters
@@ -28,75 +26,78 @@ def visible(bounces: int, plane: GroovePlane, side: Side, facing: FloatArray, gr
         Where the light comes from and goes to.
     side : Side
         Side of the groove that was solved for.
-    facing : ndarray
+    facing : Value
         u: +1 where the first wall faces s, -1 where it faces -s.
     grooves : Grooves
         What was found.
     """
-    if grooves.relative_first == grooves.relative_second:
+    if grooves.symmetric:
         edges = _symmetric(bounces, plane, side, grooves)
     elif bounces % 2:
         edges = _odd(plane, side, grooves)
     else:
         edges = _even(bounces, plane, side, facing, grooves)
-    share: FloatArray = np.maximum(np.minimum.reduce(edges), 0.0)
-    return share
+    return maximum(minimum(*edges), 0.0)
 
 
-def _symmetric(bounces: int, plane: GroovePlane, side: Side, grooves: Grooves) -> list[FloatArray]:
+def _symmetric(bounces: int, plane: GroovePlane, side: Side, grooves: Grooves) -> list[Value]:
     # Of all spokes the last one, and of those not met the first, on the side the ray leans to, decide.
-    length = np.hypot(1.0, grooves.slope) / 2.0
-    off_axis = np.abs(plane.half_difference) if bounces % 2 else plane.half_sum
+    length = _secant(grooves.slope) / 2.0
+    off_axis = abs(plane.half_difference) if bounces % 2 else plane.half_sum
     spare = side.total / bounces - off_axis
     last = side.near / 2.0 - off_axis if _is_flat(bounces, side) else spare + side.signed
-    return [length * np.sin(last), 2.0 * length * np.sin(side.near) * np.sin(spare)]
+    return [length * sin(last), 2.0 * length * sin(side.near) * sin(spare)]
 
 
-def _even(bounces: int, plane: GroovePlane, side: Side, facing: FloatArray, grooves: Grooves) -> list[FloatArray]:
+def _even(bounces: int, plane: GroovePlane, side: Side, facing: Value, grooves: Grooves) -> list[Value]:
     # Spokes 1 and k decide; spoke k - 1 can only where k already hides all, for |δ| < γ.
     off_axis = facing * plane.half_sum
     length1, length2 = _lengths(grooves)
-    kappa1, kappa2 = np.arctan2(1.0, grooves.first), np.arctan2(1.0, grooves.second)
+    kappa1, kappa2 = atan2(1.0, grooves.first), atan2(1.0, grooves.second)
     if _is_flat(bounces, side):
         # κ1 + pi/2 - c is α2 here: both may be tiny.
-        last1, last2 = np.arctan(grooves.second), np.arctan(grooves.first)
+        last1, last2 = atan2(grooves.second, 1.0), atan2(grooves.first, 1.0)
     else:
         last1, last2 = kappa1 + side.signed, kappa2 + side.signed
-    sin_total = np.sin(side.near)
+    sin_total = sin(side.near)
     return [
-        length1 * np.sin(last1 + off_axis),
-        length2 * np.sin(last2 - off_axis),
-        2.0 * length1 * sin_total * np.sin(kappa1 + off_axis),
-        2.0 * length2 * sin_total * np.sin(kappa2 - off_axis),
+        length1 * sin(last1 + off_axis),
+        length2 * sin(last2 - off_axis),
+        2.0 * length1 * sin_total * sin(kappa1 + off_axis),
+        2.0 * length2 * sin_total * sin(kappa2 - off_axis),
         plane.cos_lower,
     ]
 
 
-def _odd(plane: GroovePlane, side: Side, grooves: Grooves) -> list[FloatArray]:
+def _odd(plane: GroovePlane, side: Side, grooves: Grooves) -> list[Value]:
     # On the side the ray leans to, spoke k or the perhaps shorter k - 1 decides, against spoke 0.
     length1, length2 = _lengths(grooves)
     sum_of_lengths = length1 + length2
     difference = (grooves.relative_second - grooves.relative_first) / 2.0 / sum_of_lengths
-    kappa1, kappa2 = np.arctan2(1.0, grooves.first), np.arctan2(1.0, grooves.second)
-    off_axis, opening = np.abs(plane.half_difference), kappa1 + kappa2
+    kappa1, kappa2 = atan2(1.0, grooves.first), atan2(1.0, grooves.second)
+    off_axis, opening = abs(plane.half_difference), kappa1 + kappa2
     middle, whole, last = (
         opening / 2.0 - off_axis,
         side.total + (kappa2 - kappa1) / 2.0,
         kappa1 + side.signed - off_axis,
     )
     return [
-        length1 * np.sin(last),
-        length2 * np.sin(last + opening),
-        sum_of_lengths * np.sin(middle) * np.sin(whole) + difference * np.cos(middle) * np.cos(whole),
-        2.0 * length2 * np.sin(opening - off_axis) * np.sin(side.total - kappa1),
+        length1 * sin(last),
+        length2 * sin(last + opening),
+        sum_of_lengths * sin(middle) * sin(whole) + difference * cos(middle) * cos(whole),
+        2.0 * length2 * sin(opening - off_axis) * sin(side.total - kappa1),
     ]
 
 
-def _lengths(grooves: Grooves) -> tuple[FloatArray, FloatArray]:
+def _lengths(grooves: Grooves) -> tuple[Value, Value]:
     return (
-        grooves.relative_second * np.hypot(1.0, grooves.first) / 2.0,
-        grooves.relative_first * np.hypot(1.0, grooves.second) / 2.0,
+        grooves.relative_second * _secant(grooves.first) / 2.0,
+        grooves.relative_first * _secant(grooves.second) / 2.0,
     )
+
+
+def _secant(slope: Value) -> Value:
+    return sqrt(1.0 + slope * slope)
 
 
 def _is_flat(bounces: int, side: Side) -> bool:

@@ -24,7 +24,7 @@ _CROSS[[1, 2, 0], [0, 1, 2], [2, 0, 1]] = -1.0
 
 def rotate(stokes: FloatArray, rotation: Rotation) -> FloatArray:
     """Stokes vectors (..., 4) referred to axes that are turned by the rotation, counted about the ray."""
-    cos2, sin2 = rotation.cos2, rotation.sin2
+    cos2, sin2 = np.asarray(rotation.cos2), np.asarray(rotation.sin2)
     s0, s1, s2, s3 = np.moveaxis(stokes, -1, 0)
     return np.stack(np.broadcast_arrays(s0, cos2 * s1 + sin2 * s2, cos2 * s2 - sin2 * s1, s3), axis=-1)
 
@@ -34,10 +34,11 @@ def rotator(rotation: Rotation) -> FloatArray:
 
     The transpose turns back.
     """
-    matrix = np.zeros((*np.shape(rotation.cos2), 4, 4))
+    cos2, sin2 = np.asarray(rotation.cos2), np.asarray(rotation.sin2)
+    matrix = np.zeros((*cos2.shape, 4, 4))
     matrix[..., 0, 0] = matrix[..., 3, 3] = 1.0
-    matrix[..., 1, 1] = matrix[..., 2, 2] = rotation.cos2
-    matrix[..., 1, 2], matrix[..., 2, 1] = rotation.sin2, -rotation.sin2
+    matrix[..., 1, 1] = matrix[..., 2, 2] = cos2
+    matrix[..., 1, 2], matrix[..., 2, 1] = sin2, -sin2
     return matrix
 
 

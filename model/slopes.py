@@ -5,30 +5,42 @@ Beckmann's m is sigma·sqrt 2. Papers that print cos³ where D has cos⁴ carry 
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
-from model.geometry import FloatArray
+from model.kernel.expression import Value, exp
 
 
-def slope_density(slope: FloatArray, sigma: float) -> FloatArray:
-    """Density of facets over the slope plane, exp(-slope²/2 sigma²)/(2 pi sigma²); underflows to 0."""
-    with np.errstate(under="ignore"):
-        density: FloatArray = np.exp(-0.5 * (slope / sigma) ** 2) / (2.0 * np.pi * sigma**2)
-    return density
+def slope_density(slope: Value, sigma: Value, factor: Value = 1.0) -> Value:
+    """Density of facets over the slope plane times a factor, exp(-slope²/2 sigma²)/(2 pi sigma²); underflows to 0.
+
+    Parameters
+    ----------
+    slope : Value
+        Size of the slope.
+    sigma : Value
+        rms slope per axis.
+    factor : Value
+        What the density is multiplied with: a large one must not meet a density without digits.
+    """
+    half = slope * (1.0 / (2.0 * sigma))
+    root = exp(-(half * half))
+    return root * (factor * (1.0 / (2.0 * math.pi * sigma * sigma))) * root
 
 
-def normal_density(slope: FloatArray, sigma: float) -> FloatArray:
+def normal_density(slope: Value, sigma: Value) -> Value:
     """Density D(theta_h) of facet normals over the hemisphere, so that ∫ D cos(theta) d omega = 1.
 
     Parameters
     ----------
-    slope : ndarray
+    slope : Value
         tan theta_h.
-    sigma : float
+    sigma : Value
         rms slope per axis.
     """
-    density: FloatArray = slope_density(slope, sigma) * (1.0 + slope**2) ** 2
-    return density
+    stretch = 1.0 + slope * slope
+    return slope_density(slope, sigma, stretch * stretch)
 
 
 def require_sigma(sigma: float) -> None:

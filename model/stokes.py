@@ -55,3 +55,11 @@ def _share(part: FloatArray, stokes: FloatArray) -> FloatArray:
     with np.errstate(invalid="ignore", divide="ignore"):
         share: FloatArray = part / stokes[..., 0]
     return share
+
+
+def require_stokes(values: ArrayLike) -> FloatArray:
+    """Stokes vectors (..., 4) as an array; ValueError if they have not four elements."""
+    stokes = np.asarray(values, dtype=np.float64)
+    if stokes.shape[-1:] != (4,):
+        raise ValueError(f"incoming has shape {stokes.shape}; a Stokes vector has four elements on its last axis.")
+    return stokes

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import cached_property
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
-from model.domain import above_horizon, require_directions
-from model.geometry import FloatArray, directions
+from model.evaluation import Addend, Light, Program, evaluate
 from model.lobes import Diffuse, Directional, Lobe, Specular
 from model.mueller import UNPOLARIZED
+from model.stokes import require_stokes
 
 
 class Surface:
@@ -31,8 +32,14 @@ class Surface:
         if not lobes:
             raise ValueError("A surface needs at least one lobe; none was given.")
         self.lobes = tuple(lobes)
+        self._programs: dict[tuple[Light, tuple[str, ...]], Program] = {}
 
-    def mueller(self, incidence_rad: ArrayLike, exit_rad: ArrayLike, azimuth_rad: ArrayLike) -> FloatArray:
+    @property
+    def parameters(self) -> tuple[str, ...]:
+        """Names of the parameters that `jacobian` takes."""
+        return tuple(dict.fromkeys(name for lobe in self.lobes for name in lobe.parameters))
+
+    def mueller(self, incidence_rad: ArrayLike, exit_rad: ArrayLike, azimuth_rad: ArrayLike) -> NDArray[np.floating]:
         """Mueller matrices F in 1/sr: outgoing radiance = F · Stokes irradiance of the beam · cos(incidence).
 
         Parameters
@@ -40,7 +47,8 @@ class Surface:
         incidence_rad, exit_rad : array_like
             Angles from the normal, 0 to pi/2; at the horizon itself the result is 0.
         azimuth_rad : array_like
-            phi_r - phi_i; pi is the mirror side. All three broadcast.
+            phi_r - phi_i; pi is the mirror side. All three broadcast; float32 arrays are computed with in single
+            precision.
 
         Returns
         -------
@@ -50,12 +58,11 @@ class Surface:
         Raises
         ------
         ValueError
-            If an angle is outside its range.
+            If an angle is outside its range, or in the mirror direction itself after more than one bounce.
         """
-        require_directions(incidence_rad, exit_rad, azimuth_rad)
-        at = directions(incidence_rad, exit_rad, azimuth_rad)
-        total = sum((lobe.mueller(at) for lobe in self.lobes), np.zeros(()))
-        return np.where(above_horizon(incidence_rad, exit_rad)[..., None, None], total, 0.0)
+        elements = evaluate(self._program("mueller"), self._numbers, incidence_rad, exit_rad, azimuth_rad)
+        self._require_finite(elements)
+        return np.moveaxis(elements.reshape(4, 4, *elements.shape[1:]), (0, 1), (-2, -1))
 
     def stokes(
         self,
@@ -63,7 +70,7 @@ class Surface:
         exit_rad: ArrayLike,
         azimuth_rad: ArrayLike,
         incoming: ArrayLike = UNPOLARIZED,
-    ) -> FloatArray:
+    ) -> NDArray[np.floating]:
         """Stokes vectors in 1/sr, F times the incoming Stokes vector, without building F.
 
         Parameters
@@ -81,15 +88,63 @@ class Surface:
         Raises
         ------
         ValueError
-            If an angle is outside its range, or the Stokes vector has not four elements.
+            As for `mueller`, or if the Stokes vector has not four elements.
         """
-        state = np.asarray(incoming, dtype=np.float64)
-        if state.shape[-1:] != (4,):
-            raise ValueError(f"incoming has shape {state.shape}; a Stokes vector has four elements on its last axis.")
-        require_directions(incidence_rad, exit_rad, azimuth_rad)
-        at = directions(incidence_rad, exit_rad, azimuth_rad)
-        total = sum((lobe.stokes(at, state) for lobe in self.lobes), np.zeros(()))
-        return np.where(above_horizon(incidence_rad, exit_rad)[..., None], total, 0.0)
+        state = require_stokes(incoming)
+        if _is_unpolarized(state):
+            elements = evaluate(self._program("unpolarized"), self._numbers, incidence_rad, exit_rad, azimuth_rad)
+            elements = elements if state[0] == 1.0 else elements * state[0].astype(elements.dtype)
+        else:
+            elements = evaluate(self._program("stokes"), self._numbers, incidence_rad, exit_rad, azimuth_rad, state)
+        self._require_finite(elements)
+        return np.moveaxis(elements, 0, -1)
+
+    def jacobian(
+        self,
+        parameters: Sequence[str],
+        incidence_rad: ArrayLike,
+        exit_rad: ArrayLike,
+        azimuth_rad: ArrayLike,
+        incoming: ArrayLike = UNPOLARIZED,
+    ) -> NDArray[np.floating]:
+        """Derivatives of `stokes` by parameters, exact to rounding.
+
+        A parameter that several lobes have, such as sigma, changes in all of them. Where two branches of the model meet
+        the derivative is that of the branch whose value is taken.
+
+        Parameters
+        ----------
+        parameters : sequence of str
+            Any of `Surface.parameters`.
+        incidence_rad, exit_rad, azimuth_rad, incoming
+            As for `stokes`.
+
+        Returns
+        -------
+        ndarray
+            Shape (..., 4, parameters).
+
+        Raises
+        ------
+        ValueError
+            As for `stokes`, or if the surface has no parameter of that name.
+        """
+        names = tuple(parameters)
+        unknown = [name for name in names if name not in self.parameters]
+        if unknown or not names:
+            raise ValueError(
+                f"parameters are {list(names)}; one or more are asked for, of this surface's {list(self.parameters)}."
+            )
+        state = require_stokes(incoming)
+        unpolarized = _is_unpolarized(state)
+        program = self._program("unpolarized" if unpolarized else "stokes", names)
+        numbers = {**self._numbers, **self._rates(names)}
+        given = None if unpolarized else state
+        elements = evaluate(program, numbers, incidence_rad, exit_rad, azimuth_rad, given)
+        if unpolarized and state[0] != 1.0:
+            elements = elements * state[0].astype(elements.dtype)
+        self._require_finite(elements)
+        return np.moveaxis(elements.reshape(len(names), 4, *elements.shape[1:]), (0, 1), (-1, -2))
 
     def describe(self) -> str:
         """What the surface consists of, what was left out and why, one paragraph a lobe."""
@@ -102,3 +157,66 @@ class Surface:
         if absent:
             paragraphs.append(f"Left out because not asked for: {', '.join(absent)} lobe.")
         return "\n".join(paragraphs)
+
+    @cached_property
+    def _wiring(self) -> tuple[tuple[tuple[str, str], ...], ...]:
+        # Lobes that share a number, as all do that have one sigma, take it from one input, and share what follows.
+        sources: dict[tuple[str, float], str] = {}
+        wiring = []
+        for lobe in self.lobes:
+            pairs = []
+            for name, value in lobe.numbers.items():
+                taken = sum(known == name for known, _ in sources)
+                source = sources.setdefault((name, value), f"{name}.{taken}")
+                pairs.append((name, source))
+            wiring.append(tuple(pairs))
+        return tuple(wiring)
+
+    @cached_property
+    def _numbers(self) -> dict[str, float]:
+        return {
+            source: lobe.numbers[name]
+            for lobe, pairs in zip(self.lobes, self._wiring, strict=True)
+            for name, source in pairs
+        }
+
+    def _rates(self, parameters: Sequence[str]) -> dict[str, float]:
+        """How fast every input changes with every parameter, by the names that the program has for these rates."""
+        rates: dict[str, float] = {}
+        for parameter in parameters:
+            for lobe, pairs in zip(self.lobes, self._wiring, strict=True):
+                changing = lobe.rates(parameter)
+                rates |= {_rate(source, parameter): changing[name] for name, source in pairs if name in changing}
+        return rates
+
+    def _program(self, light: Light, varied: tuple[str, ...] = ()) -> Program:
+        known = self._programs.get((light, varied))
+        if known is None:
+            addends = tuple(
+                Addend(lobe.form(frozenset(varied)), pairs)
+                for lobe, pairs in zip(self.lobes, self._wiring, strict=True)
+            )
+            rates = self._rates(varied)
+            changes = tuple(
+                tuple((source, _rate(source, name)) for source in self._numbers if _rate(source, name) in rates)
+                for name in varied
+            )
+            known = Program(addends, (*self._numbers, *rates), light, changes)
+            self._programs[light, varied] = known
+        return known
+
+    def _require_finite(self, elements: NDArray[np.floating]) -> None:
+        if any(lobe.has_caustic for lobe in self.lobes) and not np.isfinite(elements[0]).all():
+            raise ValueError(
+                "A direction is the mirror direction itself, where straight grooves send light of two and more bounces "
+                "from every orientation: a point value there is infinite. Nothing was returned. Average over the "
+                "instrument's acceptance cone (model.acceptance.Acceptance), or ask for bounces = 1."
+            )
+
+
+def _rate(source: str, parameter: str) -> str:
+    return f"{source} by {parameter}"
+
+
+def _is_unpolarized(state: NDArray[np.floating]) -> bool:
+    return state.ndim == 1 and not state[1:].any()

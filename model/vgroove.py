@@ -1,46 +1,27 @@
 """Surfaces of V-grooves: how much light k reflections bring from i to r, and how it is polarized.
 
 A groove has two straight walls that end at the same height. Light that meets one wall of a symmetric groove once and
-leaves is the density of facets that mirror i into r, times the share G of such a facet that no wall hides; it needs no
-more than the half vector. Everything else goes through `groove_reflectance`.
+leaves is the density of facets that mirror i into r, times the share G of such a facet that no wall hides.
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
-from model.domain import above_horizon, require_directions
-from model.facet import facet_mueller, facet_stokes
+from model.evaluation import Addend, Form, Light, Program, evaluate
 from model.fresnel import require_index
-from model.geometry import Directions, FloatArray, directions
-from model.groove_plane import groove_plane
-from model.groove_reflectance import groove_mueller, groove_stokes
+from model.geometry import Angles
+from model.groove_reflectance import groove_mueller
+from model.kernel.expression import Value
+from model.matrix import Matrix
 from model.mueller import UNPOLARIZED
-from model.slopes import normal_density, require_sigma
+from model.slopes import require_sigma
+from model.stokes import require_stokes
 
-
-def masking(directions: Directions) -> FloatArray:
-    """Share of a facet that is both lit and seen: G = min(1, 2 cos theta_h cos ti / cos beta, the same with tr).
-
-    Source: Torrance and Sparrow 1967; beta is the angle of incidence on the facet.
-    """
-    lower = np.minimum(directions.cos_incidence, directions.cos_exit)
-    return np.minimum(1.0, lower * _edge(directions))
-
-
-def masking_over_cosines(directions: Directions) -> FloatArray:
-    """G/(cos ti cos tr), which stays finite to the horizon where both G and the cosines vanish."""
-    lower = np.minimum(directions.cos_incidence, directions.cos_exit)
-    higher = np.maximum(directions.cos_incidence, directions.cos_exit)
-    ratio: FloatArray = np.minimum(1.0 / lower, _edge(directions)) / higher
-    return ratio
-
-
-def single_bounce(directions: Directions, sigma: float) -> FloatArray:
-    """Single-bounce reflectance of a perfect mirror in 1/sr, D G/(4 cos ti cos tr); eq. (6) of Hao et al. 2023."""
-    reflectance: FloatArray = normal_density(directions.slope, sigma) * masking_over_cosines(directions) / 4.0
-    return reflectance
+_NUMBERS = ("sigma", "asymmetry", "n", "k")
 
 
 def bounce_mueller(
@@ -52,7 +33,7 @@ def bounce_mueller(
     sigma: float,
     asymmetry: float,
     index: complex,
-) -> FloatArray:
+) -> NDArray[np.floating]:
     """Polarimetric reflectance of the light that meets groove walls exactly `bounces` times.
 
     In the mirror direction itself more than one bounce is +inf in all elements: grooves of every orientation send light
@@ -65,7 +46,7 @@ def bounce_mueller(
     incidence_rad, exit_rad : array_like
         Angles from the normal, 0 to pi/2; at the horizon itself the result is 0.
     azimuth_rad : array_like
-        phi_r - phi_i; pi is the mirror side. All three broadcast.
+        phi_r - phi_i; pi is the mirror side. All three broadcast; float32 arrays are computed with in single precision.
     sigma : float
         rms slope per axis, > 0.
     asymmetry : float
@@ -83,14 +64,9 @@ def bounce_mueller(
     ValueError
         If an argument is outside its range.
     """
-    _require_domain(bounces, incidence_rad, exit_rad, azimuth_rad, sigma, asymmetry, index)
-    if bounces == 1 and asymmetry == 0.0:
-        at = directions(incidence_rad, exit_rad, azimuth_rad)
-        matrix = single_bounce(at, sigma)[..., None, None] * facet_mueller(at, index)
-    else:
-        plane = groove_plane(incidence_rad, exit_rad, azimuth_rad)
-        matrix = groove_mueller(plane, bounces, sigma, asymmetry, index)
-    return np.where(above_horizon(incidence_rad, exit_rad)[..., None, None], matrix, 0.0)
+    program, numbers = _program(bounces, sigma, asymmetry, index, "mueller")
+    elements = evaluate(program, numbers, incidence_rad, exit_rad, azimuth_rad)
+    return np.moveaxis(elements.reshape(4, 4, *elements.shape[1:]), (0, 1), (-2, -1))
 
 
 def bounce_stokes(
@@ -103,7 +79,7 @@ def bounce_stokes(
     asymmetry: float,
     index: complex,
     incoming: ArrayLike = UNPOLARIZED,
-) -> FloatArray:
+) -> NDArray[np.floating]:
     """Stokes vectors (..., 4) in 1/sr of `bounce_mueller` times an incoming state; unpolarized light needs no matrix.
 
     Parameters
@@ -118,17 +94,12 @@ def bounce_stokes(
     ValueError
         If an argument is outside its range, or the Stokes vector has not four elements.
     """
-    _require_domain(bounces, incidence_rad, exit_rad, azimuth_rad, sigma, asymmetry, index)
-    state = np.asarray(incoming, dtype=np.float64)
-    if state.shape[-1:] != (4,):
-        raise ValueError(f"incoming has shape {state.shape}; a Stokes vector has four elements on its last axis.")
-    if bounces == 1 and asymmetry == 0.0:
-        at = directions(incidence_rad, exit_rad, azimuth_rad)
-        stokes = single_bounce(at, sigma)[..., None] * facet_stokes(at, index, state)
-    else:
-        plane = groove_plane(*np.broadcast_arrays(incidence_rad, exit_rad, azimuth_rad, state[..., 0])[:3])
-        stokes = groove_stokes(plane, bounces, sigma, asymmetry, index, state)
-    return np.where(above_horizon(incidence_rad, exit_rad)[..., None], stokes, 0.0)
+    state = require_stokes(incoming)
+    unpolarized = state.ndim == 1 and not state[1:].any()
+    program, numbers = _program(bounces, sigma, asymmetry, index, "unpolarized" if unpolarized else "stokes")
+    elements = evaluate(program, numbers, incidence_rad, exit_rad, azimuth_rad, None if unpolarized else state)
+    stokes = np.moveaxis(elements, 0, -1)
+    return stokes * state[0].astype(stokes.dtype) if unpolarized and state[0] != 1.0 else stokes
 
 
 def single_bounce_fraction(incidence_rad: float, sigma: float) -> float:
@@ -154,25 +125,31 @@ def single_bounce_fraction(incidence_rad: float, sigma: float) -> float:
     return float(np.maximum(seen_twice, 0.0).mean() / cos_i)
 
 
-def _edge(directions: Directions) -> FloatArray:
-    # 2 cos theta_h/cos beta = (cos ti + cos tr)/cos² beta.
-    edge: FloatArray = (directions.cos_incidence + directions.cos_exit) / directions.cos_facet**2
-    return edge
-
-
-def _require_domain(
-    bounces: int,
-    incidence_rad: ArrayLike,
-    exit_rad: ArrayLike,
-    azimuth_rad: ArrayLike,
-    sigma: float,
-    asymmetry: float,
-    index: complex,
-) -> None:
-    if not isinstance(bounces, int | np.integer) or bounces < 1:
-        raise ValueError(f"bounces is {bounces}; it is a whole number of at least 1. Nothing was computed.")
+def require_asymmetry(asymmetry: float) -> None:
+    """Raise ValueError unless the walls' slopes can differ by so much."""
     if not 0.0 <= asymmetry < 1.0:
         raise ValueError(f"asymmetry is {asymmetry:g}; allowed is at least 0 and below 1. Nothing was computed.")
+
+
+def require_bounces(bounces: int) -> None:
+    """Raise ValueError unless light can be reflected so many times."""
+    if not isinstance(bounces, int | np.integer) or bounces < 1:
+        raise ValueError(f"bounces is {bounces}; it is a whole number of at least 1. Nothing was computed.")
+
+
+def _program(
+    bounces: int, sigma: float, asymmetry: float, index: complex, light: Light
+) -> tuple[Program, dict[str, float]]:
+    require_bounces(bounces)
+    require_asymmetry(asymmetry)
     require_sigma(sigma)
     require_index(index)
-    require_directions(incidence_rad, exit_rad, azimuth_rad)
+    values = (sigma, asymmetry, complex(index).real, complex(index).imag)
+    form = Form(_one_count, (int(bounces), asymmetry == 0.0))
+    wiring = tuple((name, name) for name in _NUMBERS)
+    return Program((Addend(form, wiring),), _NUMBERS, light), dict(zip(_NUMBERS, values, strict=True))
+
+
+def _one_count(at: Angles, numbers: Mapping[str, Value], bounces: int, symmetric: bool) -> Matrix:
+    asymmetry = 0.0 if symmetric else numbers["asymmetry"]
+    return groove_mueller(at, [bounces], numbers["sigma"], asymmetry, numbers["n"], numbers["k"])

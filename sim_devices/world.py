@@ -114,12 +114,12 @@ def analyzer_row(slot: Slot) -> NDArray[np.float64] | None:
 
 
 def remember_last(
-    stokes: Callable[[float, float, float], NDArray[np.float64]],
-) -> Callable[[float, float, float], NDArray[np.float64]]:
+    stokes: Callable[[float, float, float], NDArray[np.floating]],
+) -> Callable[[float, float, float], NDArray[np.floating]]:
     """Evaluate a surface only when the geometry has changed."""
-    last: tuple[tuple[float, float, float], NDArray[np.float64]] | None = None
+    last: tuple[tuple[float, float, float], NDArray[np.floating]] | None = None
 
-    def evaluate(incidence_rad: float, exit_rad: float, azimuth_rad: float) -> NDArray[np.float64]:
+    def evaluate(incidence_rad: float, exit_rad: float, azimuth_rad: float) -> NDArray[np.floating]:
         nonlocal last
         geometry = (incidence_rad, exit_rad, azimuth_rad)
         if last is None or last[0] != geometry:

@@ -1,0 +1,162 @@
+"""Evaluate a sum of forms of light for arrays of directions, by a kernel that holds these forms and nothing else."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from functools import cache
+from typing import Literal, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from model.domain import require_directions
+from model.geometry import Angles, FloatArray, angles
+from model.kernel.derivative import derivatives
+from model.kernel.elementary import Precision
+from model.kernel.expression import Symbol, Value, both, where
+from model.kernel.kernel import Kernel
+from model.matrix import Matrix, applied, total
+
+# What is asked for: all of the Mueller matrix, its product with a Stokes vector, or with that of unpolarized light.
+Light = Literal["mueller", "stokes", "unpolarized"]
+_DIRECTIONS = ("incidence", "exit", "azimuth")
+_STATE = ("s0", "s1", "s2", "s3")
+# An azimuth beyond it is brought back to one turn first.
+_FAR_RAD = 1e4
+
+
+class Form(NamedTuple):
+    """How one addend of a surface's reflectance follows from directions and numbers.
+
+    Attributes
+    ----------
+    function : callable
+        From angles, numbers by name, and the options to a Mueller matrix in 1/sr.
+    options : tuple
+        What decides which operations there are; numbers that only enter them are not options.
+    """
+
+    function: Callable[..., Matrix]
+    options: tuple[object, ...] = ()
+
+
+class Addend(NamedTuple):
+    """A form and the inputs, by the names it knows them under, that its numbers come from."""
+
+    form: Form
+    wiring: tuple[tuple[str, str], ...]
+
+
+@dataclass(frozen=True)
+class Program:
+    """What a kernel computes.
+
+    Attributes
+    ----------
+    addends : tuple of Addend
+        What to sum.
+    inputs : tuple of str
+        Numbers that the addends take.
+    light : Light
+        What to make of the sum.
+    changes : tuple of tuple of (str, str)
+        For each derivative wanted, the inputs that change, each with the input that holds how fast it does; if no
+        derivative is, the light itself is computed.
+    """
+
+    addends: tuple[Addend, ...]
+    inputs: tuple[str, ...]
+    light: Light
+    changes: tuple[tuple[tuple[str, str], ...], ...] = ()
+
+    def record(self, symbols: Mapping[str, Symbol]) -> list[Value]:
+        """The outputs, made of the inputs' symbols."""
+        incidence, exit_, azimuth = (symbols[name] for name in _DIRECTIONS)
+        outputs = list(self._light(angles(incidence, exit_, azimuth), symbols))
+        if self.changes:
+            seeds = [{name: symbols[rate] for name, rate in changing} for changing in self.changes]
+            outputs = [slope for seed in seeds for slope in derivatives(outputs, seed)]
+        above = both(incidence < math.pi / 2.0, exit_ < math.pi / 2.0)
+        return [where(above, output, 0.0) for output in outputs]
+
+    def _light(self, at: Angles, symbols: Mapping[str, Symbol]) -> Iterator[Value]:
+        matrix = total(
+            form.function(at, {name: symbols[source] for name, source in wiring}, *form.options)
+            for form, wiring in self.addends
+        )
+        if self.light == "mueller":
+            for row in matrix:
+                yield from row
+        elif self.light == "stokes":
+            yield from applied(matrix, tuple(symbols[name] for name in _STATE))  # type: ignore[arg-type]
+        else:
+            yield from (row[0] for row in matrix)
+
+
+def evaluate(
+    program: Program,
+    numbers: Mapping[str, float],
+    incidence_rad: ArrayLike,
+    exit_rad: ArrayLike,
+    azimuth_rad: ArrayLike,
+    incoming: FloatArray | None = None,
+) -> NDArray[np.floating]:
+    """Run a program.
+
+    Parameters
+    ----------
+    program : Program
+        What to compute.
+    numbers : mapping of str to float
+        The program's inputs.
+    incidence_rad, exit_rad, azimuth_rad : array_like
+        Directions, which broadcast. If those that are arrays are all of single precision, so is the computation.
+    incoming : ndarray, optional
+        Stokes vectors (..., 4) where the program takes them.
+
+    Returns
+    -------
+    ndarray
+        Shape (outputs, ...).
+
+    Raises
+    ------
+    ValueError
+        If an angle is outside its range.
+    """
+    require_directions(incidence_rad, exit_rad, azimuth_rad)
+    precision = _precision(incidence_rad, exit_rad, azimuth_rad)
+    streams = [np.asarray(angle, precision) for angle in (incidence_rad, exit_rad, azimuth_rad)]
+    streams[2] = _within_a_few_turns(streams[2])
+    names = list(_DIRECTIONS)
+    if incoming is not None:
+        streams += list(np.moveaxis(np.asarray(incoming, precision), -1, 0))
+        names += _STATE
+    shape = np.broadcast_shapes(*(stream.shape for stream in streams))
+    # One incidence for many exits is what a scan has.
+    fixed = frozenset(["incidence"] if streams[0].size == 1 else [])
+    arrays = [
+        stream.reshape(1) if name in fixed else np.broadcast_to(stream, shape).reshape(-1)
+        for name, stream in zip(names, streams, strict=True)
+    ]
+    arrays += [np.array([numbers[name]], precision) for name in program.inputs]
+    kernel = _kernel(program, tuple(names), fixed, precision)
+    return kernel(arrays, math.prod(shape)).reshape(-1, *shape)
+
+
+@cache
+def _kernel(program: Program, names: tuple[str, ...], fixed: frozenset[str], precision: Precision) -> Kernel:
+    return Kernel(program.record, [*names, *program.inputs], fixed | frozenset(program.inputs), precision)
+
+
+def _precision(*values: ArrayLike) -> Precision:
+    kinds = [value.dtype for value in values if isinstance(value, np.ndarray | np.generic)]
+    return "float32" if kinds and all(kind == np.float32 for kind in kinds) else "float64"
+
+
+def _within_a_few_turns(azimuth: NDArray[np.floating]) -> NDArray[np.floating]:
+    if azimuth.size == 0 or (azimuth.max() <= _FAR_RAD and azimuth.min() >= -_FAR_RAD):
+        return azimuth
+    return np.where(np.abs(azimuth) > _FAR_RAD, np.arctan2(np.sin(azimuth), np.cos(azimuth)), azimuth)

@@ -1,0 +1,1 @@
+"""Formulas compiled to machine code: recorded as graphs, differentiated, written as LLVM assembly."""

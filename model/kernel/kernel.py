@@ -1,0 +1,108 @@
+"""Kernels: recorded formulas, compiled, that take arrays and return arrays."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from functools import cache
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from model.kernel.compiled import MachineCode
+from model.kernel.elementary import Precision
+from model.kernel.expression import Graph, Symbol, Value
+from model.kernel.llvm_text import LANES, assembly
+from model.kernel.lowering import lowered
+
+# Fewer directions than this are done before a second thread has started.
+_WORTH_A_THREAD = 8192
+
+Formula = Callable[[Mapping[str, Symbol]], Sequence[Value]]
+
+
+class Kernel:
+    """A formula, compiled.
+
+    Every direction is computed by the same operations, wherever in an array and among however many it stands.
+
+    Parameters
+    ----------
+    formula : callable
+        From symbols of the inputs by name to the outputs.
+    inputs : sequence of str
+        Names of the inputs, in the order in which calls give them.
+    uniform : frozenset of str
+        Inputs that calls give as one number for all directions: what depends on them alone is computed once.
+    precision : Precision
+        Of inputs and outputs.
+    """
+
+    def __init__(self, formula: Formula, inputs: Sequence[str], uniform: frozenset[str], precision: Precision) -> None:
+        graph = Graph()
+        outputs = lowered(formula({name: graph.input(name) for name in inputs}), precision)
+        self._numbers = {i: output for i, output in enumerate(outputs) if not isinstance(output, Symbol)}
+        self._computed = [i for i, output in enumerate(outputs) if isinstance(output, Symbol)]
+        self._inputs = [(name, name in uniform) for name in inputs]
+        self._dtype = np.dtype(precision)
+        self._lanes = LANES[precision]
+        symbols = [output for output in outputs if isinstance(output, Symbol)]
+        self._code = MachineCode(assembly(inputs, uniform, symbols, precision)) if symbols else None
+
+    def __call__(self, arrays: Sequence[NDArray[np.floating]], count: int) -> NDArray[np.floating]:
+        """Outputs (outputs, count) from one array a non-uniform input (count,) and one number a uniform one."""
+        width = max(count, self._lanes)
+        taken = [self._taken(array, uniform, width) for (_, uniform), array in zip(self._inputs, arrays, strict=True)]
+        computed = np.empty((len(self._computed), width), self._dtype)
+        if self._code is not None and count:
+            self._run(taken, computed)
+        if not self._numbers:
+            return computed[:, :count]
+        outputs = np.empty((len(self._computed) + len(self._numbers), count), self._dtype)
+        outputs[self._computed] = computed[:, :count]
+        for position, number in self._numbers.items():
+            outputs[position] = number
+        return outputs
+
+    def _taken(self, array: NDArray[np.floating], uniform: bool, width: int) -> NDArray[np.floating]:
+        values = np.ascontiguousarray(array, self._dtype)
+        if uniform or values.size >= width:
+            return values
+        return np.resize(values, width) if values.size else np.zeros(width, self._dtype)
+
+    def _run(self, arrays: Sequence[NDArray[np.floating]], computed: NDArray[np.floating]) -> None:
+        width = computed.shape[1]
+        parts = min(_cores(), width // _WORTH_A_THREAD) or 1
+        edges = [width * part // parts // self._lanes * self._lanes for part in range(parts)] + [width]
+        spans = list(pairwise(edges))
+        waiting = [_threads().submit(self._part, arrays, computed, *span) for span in spans[1:]]
+        self._part(arrays, computed, *spans[0])
+        for thread in waiting:
+            thread.result()
+
+    def _part(
+        self, arrays: Sequence[NDArray[np.floating]], computed: NDArray[np.floating], start: int, stop: int
+    ) -> None:
+        size, (_, stride) = self._dtype.itemsize, computed.shape
+        pointers = np.array(
+            [
+                array.ctypes.data + (0 if uniform else start * size)
+                for (_, uniform), array in zip(self._inputs, arrays, strict=True)
+            ],
+            np.uintp,
+        )
+        assert self._code is not None
+        self._code.call(stop - start, pointers.ctypes.data, computed.ctypes.data + start * size, stride)
+
+
+def _cores() -> int:
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
+
+
+@cache
+def _threads() -> ThreadPoolExecutor:
+    return ThreadPoolExecutor(_cores(), thread_name_prefix="kernel")

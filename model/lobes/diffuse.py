@@ -1,0 +1,137 @@
+"""Depolarizing Lambertian walls of the same grooves, eq. (8) of Hao et al. 2023."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Literal
+
+from scipy.special import erfcx
+
+from model.evaluation import Form
+from model.geometry import Angles, facet
+from model.kernel.expression import Value, maximum, minimum
+from model.lobes.lobe import require_weight
+from model.matrix import DEPOLARIZER, Matrix, scaled
+from model.slopes import require_sigma
+
+Averages = Literal["printed", "exact"]
+
+# Below this sigma the exact averages, differences of nearly equal numbers, are summed as series in sigma².
+_SMALL_SIGMA = 0.1
+_TERMS = 24
+
+
+@dataclass(frozen=True)
+class Diffuse:
+    """Light that Lambertian facets scatter, averaged over their slopes; eq. (8).
+
+    The bracket C1 + C2 tan ti tan tr cos phi goes negative towards grazing exit on the mirror side, which no
+    reflectance can; it is clamped at zero. The tangents are divided into G, so that the lobe is finite to the horizon.
+
+    Parameters
+    ----------
+    weight : float
+        rho_d >= 0.
+    sigma : float
+        rms slope per axis, > 0.
+    averages : {"printed", "exact"}
+        C1 and C2 by the printed power laws, 0.8532 sigma^-0.095 and 0.3595 sigma^1.785, or by what these approximate,
+        the averages over Beckmann slopes with m = sigma: (√pi/m) erfcx(1/m) and ½ [1 + (m²/2 - 1) C1].
+
+    Raises
+    ------
+    ValueError
+        If a value is outside its range.
+    """
+
+    weight: float
+    sigma: float
+    averages: Averages = "printed"
+
+    def __post_init__(self) -> None:
+        require_weight("rho_d", self.weight)
+        require_sigma(self.sigma)
+        if self.averages not in ("printed", "exact"):
+            raise ValueError(f"averages is {self.averages!r}; they are printed or exact.")
+
+    @property
+    def parameters(self) -> tuple[str, ...]:
+        """Names of the numbers that a fit may vary."""
+        return "rho_d", "sigma"
+
+    @property
+    def numbers(self) -> Mapping[str, float]:
+        """What the form computes with, by name."""
+        (c1, c2), _ = self._averages()
+        return {"rho_d": self.weight, "c1": c1, "c2": c2}
+
+    @property
+    def has_caustic(self) -> bool:
+        """Whether the lobe is infinite in the mirror direction itself."""
+        return False
+
+    def form(self, varied: frozenset[str]) -> Form:
+        """How the lobe follows from its numbers."""
+        return Form(_lambertian_facets)
+
+    def rates(self, parameter: str) -> Mapping[str, float]:
+        """How fast each of the numbers changes with a parameter."""
+        if parameter == "sigma":
+            _, (d_c1, d_c2) = self._averages()
+            return {"c1": d_c1, "c2": d_c2}
+        return {"rho_d": 1.0} if parameter == "rho_d" else {}
+
+    def describe(self) -> str:
+        """What the lobe is, and what it leaves out, for a person."""
+        how = {
+            "printed": "the printed power laws C1 = 0.8532 sigma^-0.095, C2 = 0.3595 sigma^1.785",
+            "exact": "C1 and C2 averaged exactly over Beckmann slopes with m = sigma",
+        }
+        return (
+            f"Diffuse lobe, eq. (8): rho_d = {self.weight:.6g}, sigma = {self.sigma:.6g}, unpolarized, with the "
+            f"masking of single-bounce grooves and {how[self.averages]}. Set to zero where the printed expression is "
+            f"negative (grazing exit on the mirror side)."
+        )
+
+    def _averages(self) -> tuple[tuple[float, float], tuple[float, float]]:
+        return printed_averages(self.sigma) if self.averages == "printed" else exact_averages(self.sigma)
+
+
+def printed_averages(sigma: float) -> tuple[tuple[float, float], tuple[float, float]]:
+    """C1 and C2 as eq. (8) prints them, and their derivatives by sigma."""
+    c1, c2 = 0.8532 * sigma**-0.095, 0.3595 * sigma**1.785
+    return (c1, c2), (-0.095 * c1 / sigma, 1.785 * c2 / sigma)
+
+
+def exact_averages(sigma: float) -> tuple[tuple[float, float], tuple[float, float]]:
+    """C1 and C2 averaged over Beckmann slopes with m = sigma, and their derivatives by sigma.
+
+    C1 = ⟨cos⟩ = (√pi/m) erfcx(1/m) is the mean cosine of the facets' tilts, C2 = ½ ⟨tan² cos⟩.
+    """
+    m, lost, d_lost = sigma, 0.0, 0.0  # 1 - C1 and its derivative
+    if m < _SMALL_SIGMA:
+        term = 1.0
+        for order in range(1, _TERMS):
+            term *= -(2 * order - 1) * m * m / 2.0
+            lost -= term
+            d_lost -= 2.0 * order * term / m
+    else:
+        x = 1.0 / m
+        scaled_tail = float(erfcx(x))
+        lost = 1.0 - math.sqrt(math.pi) * x * scaled_tail
+        d_lost = x * x * (math.sqrt(math.pi) * scaled_tail * (1.0 + 2.0 * x * x) - 2.0 * x)
+    half = m * m / 2.0
+    c2 = 0.5 * (half + lost - half * lost)
+    d_c2 = 0.5 * (m + d_lost - m * lost - half * d_lost)
+    return (1.0 - lost, c2), (-d_lost, d_c2)
+
+
+def _lambertian_facets(at: Angles, numbers: Mapping[str, Value]) -> Matrix:
+    wall = facet(at)
+    higher = maximum(wall.cos_incidence, wall.cos_exit)
+    # G/(cos ti cos tr), which stays finite to the horizon where both G and the cosines vanish.
+    masked = minimum(1.0 / wall.cos_lower, wall.sum_of_cosines / (wall.cos * wall.cos)) / higher
+    bracket = numbers["c1"] * wall.cos_incidence * wall.cos_exit + numbers["c2"] * wall.horizontal_product
+    return scaled(DEPOLARIZER, numbers["rho_d"] * (1.0 / math.pi) * masked * maximum(bracket, 0.0))

@@ -1,0 +1,99 @@
+"""Directional diffuse light near the normal, eq. (10) of Hao et al. 2023."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from model.evaluation import Form
+from model.fresnel import require_index
+from model.geometry import Angles, facet
+from model.groove_reflectance import facet_mueller
+from model.kernel.expression import Value, exp
+from model.lobes.lobe import format_index, require_weight
+from model.matrix import Matrix, scaled
+from model.slopes import require_sigma
+
+
+@dataclass(frozen=True)
+class Directional:
+    """Directional diffuse light near the normal, polarized like the half-vector facet; eq. (10).
+
+    Its size exp(-2 tan(tr)^p/sigma²)/(sqrt(2 pi) sigma) depends on the exit angle alone, so that it is not reciprocal.
+
+    Parameters
+    ----------
+    weight : float
+        rho_dd >= 0.
+    sigma : float
+        rms slope per axis, > 0.
+    index : complex
+        n + ik, n > 0, k >= 0.
+    exponent : {1, 2}
+        p: 1 as printed, with a cusp at the normal and a 1/e half-width of atan(sigma²/2); 2 is smooth, as the prefactor
+        suggests, with a 1/e half-width of atan(sigma/√2).
+
+    Raises
+    ------
+    ValueError
+        If a value is outside its range.
+    """
+
+    weight: float
+    sigma: float
+    index: complex
+    exponent: int = 1
+
+    def __post_init__(self) -> None:
+        require_weight("rho_dd", self.weight)
+        require_sigma(self.sigma)
+        require_index(self.index)
+        if self.exponent not in (1, 2):
+            raise ValueError(f"exponent is {self.exponent!r}; it is 1 (printed) or 2 (smooth).")
+
+    @property
+    def parameters(self) -> tuple[str, ...]:
+        """Names of the numbers that a fit may vary."""
+        return "rho_dd", "sigma", "n", "k"
+
+    @property
+    def numbers(self) -> Mapping[str, float]:
+        """What the form computes with, by name."""
+        index = complex(self.index)
+        return {"rho_dd": self.weight, "sigma": self.sigma, "n": index.real, "k": index.imag}
+
+    @property
+    def has_caustic(self) -> bool:
+        """Whether the lobe is infinite in the mirror direction itself."""
+        return False
+
+    def form(self, varied: frozenset[str]) -> Form:
+        """How the lobe follows from its numbers."""
+        return Form(_towards_the_normal, (self.exponent,))
+
+    def rates(self, parameter: str) -> Mapping[str, float]:
+        """How fast each of the numbers changes with a parameter."""
+        return {parameter: 1.0} if parameter in self.parameters else {}
+
+    def describe(self) -> str:
+        """What the lobe is, and what it leaves out, for a person."""
+        width = self.sigma**2 / 2.0 if self.exponent == 1 else self.sigma / math.sqrt(2.0)
+        shape = {
+            1: "printed exponent tan(exit): a cusp at the normal that falls",
+            2: "exponent tan²(exit) in place of the printed tan(exit): a smooth top at the normal that falls",
+        }
+        return (
+            f"Directional diffuse lobe, eq. (10): rho_dd = {self.weight:.6g}, sigma = {self.sigma:.6g}, "
+            f"index {format_index(self.index)}, {shape[self.exponent]} to 1/e within "
+            f"{np.degrees(np.arctan(width)):.2g}°. Its size follows from the exit angle alone, so it is not reciprocal."
+        )
+
+
+def _towards_the_normal(at: Angles, numbers: Mapping[str, Value], exponent: int) -> Matrix:
+    sigma, slope = numbers["sigma"], at.sin_exit / at.cos_exit
+    power = slope * slope if exponent == 2 else slope
+    size = exp(-2.0 * power / (sigma * sigma)) / (math.sqrt(2.0 * math.pi) * sigma)
+    return scaled(facet_mueller(facet(at), numbers["n"], numbers["k"]), numbers["rho_dd"] * size)

@@ -1,0 +1,52 @@
+"""What a surface asks of its lobes."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Protocol
+
+import numpy as np
+
+from model.evaluation import Form
+
+
+class Lobe(Protocol):
+    """One addend of a surface's polarimetric reflectance."""
+
+    @property
+    def parameters(self) -> tuple[str, ...]:
+        """Names of the numbers that a fit may vary."""
+        ...
+
+    @property
+    def numbers(self) -> Mapping[str, float]:
+        """What the form computes with, by name."""
+        ...
+
+    def form(self, varied: frozenset[str]) -> Form:
+        """How the lobe follows from its numbers; an effect that its numbers switch off is in it only if varied."""
+        ...
+
+    def rates(self, parameter: str) -> Mapping[str, float]:
+        """How fast each of the numbers changes with a parameter; a number not named stays."""
+        ...
+
+    def describe(self) -> str:
+        """What the lobe is, and what it leaves out, for a person."""
+        ...
+
+    @property
+    def has_caustic(self) -> bool:
+        """Whether the lobe is infinite in the mirror direction itself."""
+        ...
+
+
+def require_weight(name: str, weight: float) -> None:
+    """Raise ValueError unless a lobe can have this weight."""
+    if not 0.0 <= weight < np.inf:
+        raise ValueError(f"{name} is {weight}; a lobe's weight must be a finite number of at least 0.")
+
+
+def format_index(index: complex) -> str:
+    """A refractive index for a person."""
+    return f"{index.real:.6g} + {index.imag:.6g}i" if index.imag else f"{index.real:.6g}"
