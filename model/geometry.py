@@ -15,6 +15,7 @@ digit of their horizontal sum.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Generic, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -27,12 +28,15 @@ FloatArray = NDArray[np.float64]
 _RETRO = 1e-290
 
 
+Number = TypeVar("Number")
+
+
 @dataclass(frozen=True)
-class Rotation:
+class Rotation(Generic[Number]):
     """Cosine and sine of twice the angle from a ray's x-axis to another one, counted about the ray."""
 
-    cos2: Value
-    sin2: Value
+    cos2: Number
+    sin2: Number
 
 
 @dataclass(frozen=True)
@@ -92,8 +96,8 @@ class Facet:
     cos_exit: Value
     sum_of_cosines: Value
     horizontal_product: Value
-    incoming: Rotation
-    outgoing: Rotation
+    incoming: Rotation[Value]
+    outgoing: Rotation[Value]
 
     @property
     def cos_lower(self) -> Value:
@@ -186,6 +190,6 @@ def facet(at: Angles) -> Facet:
     )
 
 
-def rotation(x: Value, y: Value, inverse_length2: Value) -> Rotation:
+def rotation(x: Value, y: Value, inverse_length2: Value) -> Rotation[Value]:
     """The rotation onto an axis with components (x, y), given 1/(x² + y²)."""
     return Rotation(cos2=(x - y) * (x + y) * inverse_length2, sin2=2.0 * x * y * inverse_length2)

@@ -56,8 +56,8 @@ class GroovePlane:
     sin_first: Value
     cos_lower: Value
     at_mirror: Value
-    incoming: Rotation
-    outgoing: Rotation
+    incoming: Rotation[Value]
+    outgoing: Rotation[Value]
 
 
 def groove_plane(at: Angles) -> GroovePlane:

@@ -34,7 +34,7 @@ def total(matrices: Iterable[Matrix]) -> Matrix:
     return result
 
 
-def between_frames(matrix: Matrix, incoming: Rotation, outgoing: Rotation) -> Matrix:
+def between_frames(matrix: Matrix, incoming: Rotation[Value], outgoing: Rotation[Value]) -> Matrix:
     """The matrix of an element in frames of its own, referred to the macro frames of both rays.
 
     Parameters

@@ -22,14 +22,14 @@ _CROSS[[0, 1, 2], [1, 2, 0], [2, 0, 1]] = 1.0
 _CROSS[[1, 2, 0], [0, 1, 2], [2, 0, 1]] = -1.0
 
 
-def rotate(stokes: FloatArray, rotation: Rotation) -> FloatArray:
+def rotate(stokes: NDArray[np.floating], rotation: Rotation[FloatArray]) -> FloatArray:
     """Stokes vectors (..., 4) referred to axes that are turned by the rotation, counted about the ray."""
-    cos2, sin2 = np.asarray(rotation.cos2), np.asarray(rotation.sin2)
+    cos2, sin2 = rotation.cos2, rotation.sin2
     s0, s1, s2, s3 = np.moveaxis(stokes, -1, 0)
     return np.stack(np.broadcast_arrays(s0, cos2 * s1 + sin2 * s2, cos2 * s2 - sin2 * s1, s3), axis=-1)
 
 
-def rotator(rotation: Rotation) -> FloatArray:
+def rotator(rotation: Rotation[FloatArray]) -> FloatArray:
     """Mueller matrices (..., 4, 4) that refer Stokes vectors to axes turned by the rotation, counted about the ray.
 
     The transpose turns back.

@@ -1,0 +1,213 @@
+"""What an instrument sees: reflectance averaged over the cones of directions that detector and source accept.
+
+A detector has a half-angle of acceptance, and behind it an analyzer that does not turn with the ray: outgoing Stokes
+vectors refer to the s-direction of the central ray, projected perpendicular to each ray, and those of a source's cone
+likewise. Both means are (1/Ω) ∫ F dω; directions below the horizon count as dark.
+
+Straight grooves send light of two and more bounces towards the mirror direction as C(ψ)/ρ, a caustic that the mean
+over a cone makes finite: the quadrature runs along lines through that direction.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from model.cone_quadrature import cones
+from model.domain import require_directions
+from model.geometry import FloatArray, Rotation
+from model.mueller import UNPOLARIZED, rotate, rotator
+from model.stokes import require_stokes
+from model.surface import Surface
+
+_WIDEST_RAD = np.radians(30.0)
+# Directions that are averaged at a time, so that the nodes of many cones need not be in memory at once.
+_AT_ONCE = 2**18
+
+
+@dataclass(frozen=True)
+class Rays:
+    """Pairs of directions out of the cones of central pairs, and how their frames stand to those of the central rays.
+
+    Attributes
+    ----------
+    angles : tuple of ndarray
+        Incidence, exit and azimuth, shape (pairs, nodes).
+    weight : ndarray
+        Same shape.
+    from_source, to_analyzer : Rotation
+        From a ray's own s-direction to that of the central ray, for the incoming and the outgoing ray.
+    """
+
+    angles: tuple[FloatArray, FloatArray, FloatArray]
+    weight: FloatArray
+    from_source: Rotation[FloatArray]
+    to_analyzer: Rotation[FloatArray]
+
+    def arriving(self, stokes: FloatArray) -> FloatArray:
+        """Stokes vectors of the source, (4,) or (pairs, 1, 4), in the incoming rays' own frames."""
+        if not stokes[..., 1:].any():
+            return stokes
+        return rotate(stokes, Rotation(self.from_source.cos2, -self.from_source.sin2))
+
+
+class Acceptance:
+    """A surface as an instrument with finite acceptance sees it; the same calls as on the surface itself.
+
+    Parameters
+    ----------
+    surface : Surface
+        What is looked at.
+    detector_half_angle_rad : float
+        Half-angle of the cone about the exit direction, above 0, at most 30°.
+    source_half_angle_rad : float
+        Half-angle of the cone about the direction of incidence; 0 for a collimated source.
+    nodes : int
+        Nodes on each of the quadrature's lines, of which there are four times as many; so many again for every halving
+        of the cone that a narrow lobe calls for. With a source's cone the cost goes with the fourth power, otherwise
+        with the square.
+
+    Raises
+    ------
+    ValueError
+        If a half-angle or the number of nodes is outside its range.
+    """
+
+    def __init__(
+        self, surface: Surface, detector_half_angle_rad: float, source_half_angle_rad: float = 0.0, nodes: int = 6
+    ) -> None:
+        if not 0.0 < detector_half_angle_rad <= _WIDEST_RAD:
+            raise ValueError(f"detector_half_angle_rad is {detector_half_angle_rad:g}; allowed is above 0 to 30°.")
+        if not 0.0 <= source_half_angle_rad <= _WIDEST_RAD:
+            raise ValueError(f"source_half_angle_rad is {source_half_angle_rad:g}; allowed is 0 to 30°.")
+        if nodes < 1:
+            raise ValueError(f"nodes is {nodes}; at least one is needed.")
+        self.surface = surface
+        self.detector_half_angle_rad = detector_half_angle_rad
+        self.source_half_angle_rad = source_half_angle_rad
+        self.nodes = nodes
+        # A lobe narrower than the cone is resolved towards the mirror direction, where it stands.
+        narrowest = min((lobe.numbers.get("sigma", np.inf) for lobe in surface.lobes), default=np.inf)
+        widest = max(detector_half_angle_rad, source_half_angle_rad)
+        self._panels = 1 + max(0, int(np.ceil(np.log2(widest / narrowest)))) if narrowest > 0.0 else 1
+
+    @property
+    def parameters(self) -> tuple[str, ...]:
+        """Names of the parameters that `jacobian` takes."""
+        return self.surface.parameters
+
+    def mueller(self, incidence_rad: ArrayLike, exit_rad: ArrayLike, azimuth_rad: ArrayLike) -> FloatArray:
+        """Mean Mueller matrices (..., 4, 4) in 1/sr; arguments as for `Surface.mueller`, of the central rays."""
+
+        def matrices(at: Rays) -> FloatArray:
+            lamp = np.swapaxes(rotator(at.from_source), -1, -2)
+            return rotator(at.to_analyzer) @ self.surface.mueller(*at.angles) @ lamp
+
+        return self._mean(matrices, incidence_rad, exit_rad, azimuth_rad)
+
+    def stokes(
+        self,
+        incidence_rad: ArrayLike,
+        exit_rad: ArrayLike,
+        azimuth_rad: ArrayLike,
+        incoming: ArrayLike = UNPOLARIZED,
+    ) -> FloatArray:
+        """Mean Stokes vectors (..., 4) in 1/sr; arguments as for `Surface.stokes`, of the central rays."""
+        state = require_stokes(incoming)
+
+        def vectors(at: Rays, arriving: FloatArray) -> FloatArray:
+            return rotate(self.surface.stokes(*at.angles, at.arriving(arriving)), at.to_analyzer)
+
+        return self._mean(vectors, incidence_rad, exit_rad, azimuth_rad, state)
+
+    def jacobian(
+        self,
+        parameters: Sequence[str],
+        incidence_rad: ArrayLike,
+        exit_rad: ArrayLike,
+        azimuth_rad: ArrayLike,
+        incoming: ArrayLike = UNPOLARIZED,
+    ) -> FloatArray:
+        """Derivatives (..., 4, parameters) of `stokes` by parameters; arguments as for `Surface.jacobian`."""
+        state = require_stokes(incoming)
+
+        def slopes(at: Rays, arriving: FloatArray) -> FloatArray:
+            jacobian = self.surface.jacobian(parameters, *at.angles, at.arriving(arriving))
+            return np.moveaxis(rotate(np.moveaxis(jacobian, -1, 0), at.to_analyzer), 0, -1)
+
+        return self._mean(slopes, incidence_rad, exit_rad, azimuth_rad, state)
+
+    def describe(self) -> str:
+        """What the surface consists of and what the instrument averages over."""
+        source = np.degrees(self.source_half_angle_rad)
+        lamp = f"and of {source:.3g}° about the incidence" if source else "and a collimated source"
+        return (
+            f"{self.surface.describe()}\nSeen through an acceptance cone of half-angle "
+            f"{np.degrees(self.detector_half_angle_rad):.3g}° about the exit {lamp}, by {self.nodes} nodes a line; the "
+            f"analyzer keeps the axis of the central ray."
+        )
+
+    def _mean(
+        self,
+        evaluate: Callable[..., FloatArray],
+        incidence_rad: ArrayLike,
+        exit_rad: ArrayLike,
+        azimuth_rad: ArrayLike,
+        incoming: FloatArray | None = None,
+    ) -> FloatArray:
+        require_directions(incidence_rad, exit_rad, azimuth_rad)
+        given = [np.asarray(angle, np.float64) for angle in (incidence_rad, exit_rad, azimuth_rad)]
+        states_shape = () if incoming is None else incoming.shape[:-1]
+        shape = np.broadcast_shapes(*(angle.shape for angle in given), states_shape)
+        flat = [np.broadcast_to(angle, shape).reshape(-1) for angle in given]
+        states = incoming
+        if incoming is not None and states_shape:
+            states = np.broadcast_to(incoming, (*shape, 4)).reshape(-1, 1, 4)
+        means = []
+        step = max(1, _AT_ONCE // self._rays_per_pair)
+        for start in range(0, max(len(flat[0]), 1), step):
+            part = slice(start, start + step)
+            at = self._rays(*(angle[part] for angle in flat))
+            values = evaluate(at) if states is None else evaluate(at, states[part] if states_shape else states)
+            means.append(np.einsum("pn,pn...->p...", at.weight, values))
+        mean = np.concatenate(means)
+        return mean.reshape(*shape, *mean.shape[1:])
+
+    @property
+    def _rays_per_pair(self) -> int:
+        cone = 4 * self.nodes**2 * self._panels
+        return cone * cone if self.source_half_angle_rad else cone
+
+    def _rays(self, incidence: FloatArray, exit_: FloatArray, azimuth: FloatArray) -> Rays:
+        count = len(incidence)
+        lamp_polar, lamp_turn = incidence[:, None], np.zeros((count, 1))
+        weight = np.ones((count, 1))
+        if self.source_half_angle_rad:
+            # Seen from the source the caustic is where the exit direction is mirrored to.
+            source = self.source_half_angle_rad
+            lamp = cones(incidence, np.zeros(count), source, exit_, azimuth + np.pi, self.nodes, self._panels)
+            lamp_polar, lamp_turn, weight = lamp.polar_rad, lamp.azimuth_rad, lamp.weight
+        sources = lamp_polar.shape[1]
+        exits, azimuths = np.repeat(exit_, sources), np.repeat(azimuth, sources)
+        mirrored = lamp_polar.ravel(), lamp_turn.ravel() + np.pi
+        seen = cones(exits, azimuths, self.detector_half_angle_rad, *mirrored, self.nodes, self._panels)
+        nodes = seen.polar_rad.shape[1]
+        exit_node, azimuth_node = seen.polar_rad.reshape(count, -1), seen.azimuth_rad.reshape(count, -1)
+        lamp_polar, lamp_turn = np.repeat(lamp_polar, nodes, axis=1), np.repeat(lamp_turn, nodes, axis=1)
+        return Rays(
+            angles=(lamp_polar, exit_node, azimuth_node - lamp_turn),
+            weight=(seen.weight.reshape(count, sources, nodes) * weight[..., None]).reshape(count, -1),
+            from_source=_frame_turn(np.cos(lamp_turn), np.cos(lamp_polar) * np.sin(lamp_turn)),
+            to_analyzer=_frame_turn(
+                np.cos(azimuth_node - azimuth[:, None]), -np.cos(exit_node) * np.sin(azimuth_node - azimuth[:, None])
+            ),
+        )
+
+
+def _frame_turn(x: FloatArray, y: FloatArray) -> Rotation[FloatArray]:
+    # (x, y): the central ray's s-direction in the ray's own frame, not yet of unit length.
+    length2 = x**2 + y**2
+    return Rotation(cos2=(x - y) * (x + y) / length2, sin2=2.0 * x * y / length2)
