@@ -10,6 +10,7 @@ over a cone makes finite: the quadrature runs along lines through that direction
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
@@ -19,13 +20,19 @@ from numpy.typing import ArrayLike
 from model.cone_quadrature import cones
 from model.domain import require_directions
 from model.geometry import FloatArray, Rotation
+from model.lobes import Lobe
 from model.mueller import UNPOLARIZED, rotate, rotator
 from model.stokes import require_stokes
 from model.surface import Surface
 
-_WIDEST_RAD = np.radians(30.0)
+WIDEST_RAD = np.radians(30.0)
 # Directions that are averaged at a time, so that the nodes of many cones need not be in memory at once.
 _AT_ONCE = 2**18
+
+
+def half_angle_rad(solid_angle_sr: float) -> float:
+    """Half-angle of the circular cone with a solid angle of up to 2 pi sr."""
+    return float(2.0 * np.arcsin(np.sqrt(solid_angle_sr / (4.0 * np.pi))))
 
 
 @dataclass(frozen=True)
@@ -79,9 +86,9 @@ class Acceptance:
     def __init__(
         self, surface: Surface, detector_half_angle_rad: float, source_half_angle_rad: float = 0.0, nodes: int = 6
     ) -> None:
-        if not 0.0 < detector_half_angle_rad <= _WIDEST_RAD:
+        if not 0.0 < detector_half_angle_rad <= WIDEST_RAD:
             raise ValueError(f"detector_half_angle_rad is {detector_half_angle_rad:g}; allowed is above 0 to 30°.")
-        if not 0.0 <= source_half_angle_rad <= _WIDEST_RAD:
+        if not 0.0 <= source_half_angle_rad <= WIDEST_RAD:
             raise ValueError(f"source_half_angle_rad is {source_half_angle_rad:g}; allowed is 0 to 30°.")
         if nodes < 1:
             raise ValueError(f"nodes is {nodes}; at least one is needed.")
@@ -90,9 +97,14 @@ class Acceptance:
         self.source_half_angle_rad = source_half_angle_rad
         self.nodes = nodes
         # A lobe narrower than the cone is resolved towards the mirror direction, where it stands.
-        narrowest = min((lobe.numbers.get("sigma", np.inf) for lobe in surface.lobes), default=np.inf)
         widest = max(detector_half_angle_rad, source_half_angle_rad)
-        self._panels = 1 + max(0, int(np.ceil(np.log2(widest / narrowest)))) if narrowest > 0.0 else 1
+        narrowest = min([widest, *(lobe.numbers["sigma"] for lobe in surface.lobes if "sigma" in lobe.numbers)])
+        self._panels = 1 + math.ceil(math.log2(widest / narrowest))
+
+    @property
+    def lobes(self) -> tuple[Lobe, ...]:
+        """What the surface is made of."""
+        return self.surface.lobes
 
     @property
     def parameters(self) -> tuple[str, ...]:
@@ -195,11 +207,12 @@ class Acceptance:
         mirrored = lamp_polar.ravel(), lamp_turn.ravel() + np.pi
         seen = cones(exits, azimuths, self.detector_half_angle_rad, *mirrored, self.nodes, self._panels)
         nodes = seen.polar_rad.shape[1]
-        exit_node, azimuth_node = seen.polar_rad.reshape(count, -1), seen.azimuth_rad.reshape(count, -1)
+        shape = (count, sources * nodes)
+        exit_node, azimuth_node = seen.polar_rad.reshape(shape), seen.azimuth_rad.reshape(shape)
         lamp_polar, lamp_turn = np.repeat(lamp_polar, nodes, axis=1), np.repeat(lamp_turn, nodes, axis=1)
         return Rays(
             angles=(lamp_polar, exit_node, azimuth_node - lamp_turn),
-            weight=(seen.weight.reshape(count, sources, nodes) * weight[..., None]).reshape(count, -1),
+            weight=(seen.weight.reshape(count, sources, nodes) * weight[..., None]).reshape(shape),
             from_source=_frame_turn(np.cos(lamp_turn), np.cos(lamp_polar) * np.sin(lamp_turn)),
             to_analyzer=_frame_turn(
                 np.cos(azimuth_node - azimuth[:, None]), -np.cos(exit_node) * np.sin(azimuth_node - azimuth[:, None])

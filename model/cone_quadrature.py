@@ -109,8 +109,8 @@ def _disc(centre: FloatArray, radius: FloatArray, nodes: int, panels: int) -> tu
     share, share_weight = _graded(nodes, panels)
     distance = start[..., None] + (end - start)[..., None] * share
     area = step[..., None] * (end - start)[..., None] * share_weight * distance
-    shape = (len(centre), -1)
-    return (np.broadcast_to(psi[..., None], area.shape).reshape(shape), distance.reshape(shape), area.reshape(shape))
+    shape = (len(centre), area.shape[1] * area.shape[2])
+    return np.broadcast_to(psi[..., None], area.shape).reshape(shape), distance.reshape(shape), area.reshape(shape)
 
 
 @cache

@@ -90,7 +90,9 @@ class Program:
             for row in matrix:
                 yield from row
         elif self.light == "stokes":
-            yield from applied(matrix, tuple(symbols[name] for name in _STATE))  # type: ignore[arg-type]
+            s0, s1, s2, s3 = (symbols[name] for name in _STATE)
+            is_finite = matrix[0][0] < math.inf
+            yield from (where(is_finite, element, math.inf) for element in applied(matrix, (s0, s1, s2, s3)))
         else:
             yield from (row[0] for row in matrix)
 
@@ -143,7 +145,8 @@ def evaluate(
     ]
     arrays += [np.array([numbers[name]], precision) for name in program.inputs]
     kernel = _kernel(program, tuple(names), fixed, precision)
-    return kernel(arrays, math.prod(shape)).reshape(-1, *shape)
+    rows = kernel(arrays, math.prod(shape))
+    return rows.reshape(len(rows), *shape)
 
 
 @cache

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
+from model.acceptance import Acceptance
 from model.geometry import FloatArray
 from model.surface import Surface
 
@@ -50,7 +51,7 @@ class FitResult:
     names: tuple[str, ...]
     correlation: FloatArray
     stokes: FloatArray
-    surface: Surface
+    surface: Surface | Acceptance
 
     @property
     def description(self) -> str:

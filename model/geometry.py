@@ -24,7 +24,7 @@ from model.kernel.expression import Value, cos, minimum, sin, sqrt, where
 
 FloatArray = NDArray[np.float64]
 
-# Squared sine of the angle between i and r below which no plane holds both; the facet then polarizes nothing.
+# Squared sine of the angle between i and r below which they are one direction.
 _RETRO = 1e-290
 
 
@@ -173,7 +173,8 @@ def facet(at: Angles) -> Facet:
     incoming_y = at.sin_exit * at.sin_azimuth
     outgoing_x = at.sin_incidence * at.cos_exit * at.versine - at.sin_difference
     outgoing_y = at.sin_incidence * at.sin_azimuth
-    # In both frames i × r is equally long; without a plane that holds i and r the facet polarizes nothing.
+    # In both frames i × r is equally long. Where it vanishes, in retro-reflection, any direction serves in its place;
+    # this is the incoming ray's own x-axis.
     length2 = incoming_x * incoming_x + incoming_y * incoming_y
     retro = length2 < _RETRO
     inverse = 1.0 / where(retro, 1.0, length2)
@@ -186,7 +187,7 @@ def facet(at: Angles) -> Facet:
         sum_of_cosines=sum_z,
         horizontal_product=at.sin_incidence * at.sin_exit * at.cos_azimuth,
         incoming=rotation(where(retro, 1.0, incoming_x), where(retro, 0.0, incoming_y), inverse),
-        outgoing=rotation(where(retro, 1.0, outgoing_x), where(retro, 0.0, outgoing_y), inverse),
+        outgoing=rotation(where(retro, -at.cos_azimuth, outgoing_x), where(retro, at.sin_azimuth, outgoing_y), inverse),
     )
 
 

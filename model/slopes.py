@@ -7,9 +7,10 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-
 from model.kernel.expression import Value, exp
+
+# Beyond every surface, and far from where squares overflow.
+_SMALLEST, _LARGEST = 1e-8, 1e8
 
 
 def slope_density(slope: Value, sigma: Value, factor: Value = 1.0) -> Value:
@@ -45,5 +46,5 @@ def normal_density(slope: Value, sigma: Value) -> Value:
 
 def require_sigma(sigma: float) -> None:
     """Raise ValueError unless sigma can be an rms slope."""
-    if not 0.0 < sigma < np.inf:
-        raise ValueError(f"sigma is {sigma}; the rms slope must be a finite number above 0.")
+    if not _SMALLEST <= sigma <= _LARGEST:
+        raise ValueError(f"sigma is {sigma}; the rms slope is from {_SMALLEST:g} to {_LARGEST:g}.")

@@ -219,4 +219,4 @@ def _rate(source: str, parameter: str) -> str:
 
 
 def _is_unpolarized(state: NDArray[np.floating]) -> bool:
-    return state.ndim == 1 and not state[1:].any()
+    return state.ndim == 1 and state[0] > 0.0 and not state[1:].any()

@@ -12,7 +12,6 @@ from scipy.optimize import nnls
 from model.family import SurfaceFamily
 from model.geometry import FloatArray
 from model.stokes_data import StokesData
-from model.surface import Surface
 
 # A lobe whose light is this much weaker than the strongest lobe's, at equal weight, is not seen by the data.
 _INVISIBLE = 1e-12
@@ -69,7 +68,7 @@ class Projection:
         """Stokes parameters of every lobe at weight 1, shape (N, 3, lobes)."""
         shapes = self.shapes(unit)
         lobes = [self.family.lobe(name, 1.0, shapes) for name in self.family.lobes]
-        return np.stack([Surface([lobe]).stokes(*self._directions)[:, :3] for lobe in lobes], axis=-1)
+        return np.stack([self.family.seen([lobe]).stokes(*self._directions)[:, :3] for lobe in lobes], axis=-1)
 
     def columns(self, unit: FloatArray) -> FloatArray:
         """The same, whitened, shape (3N, lobes)."""

@@ -95,7 +95,7 @@ def bounce_stokes(
         If an argument is outside its range, or the Stokes vector has not four elements.
     """
     state = require_stokes(incoming)
-    unpolarized = state.ndim == 1 and not state[1:].any()
+    unpolarized = state.ndim == 1 and state[0] > 0.0 and not state[1:].any()
     program, numbers = _program(bounces, sigma, asymmetry, index, "unpolarized" if unpolarized else "stokes")
     elements = evaluate(program, numbers, incidence_rad, exit_rad, azimuth_rad, None if unpolarized else state)
     stokes = np.moveaxis(elements, 0, -1)

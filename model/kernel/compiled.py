@@ -12,6 +12,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
+_DIGEST_BYTES = 32
 _LOCK = threading.Lock()  # LLVM's compiler serves one thread at a time
 
 
@@ -32,12 +33,10 @@ class MachineCode:
             )
             made_for = f"{llvm.llvm_version_info} {machine.triple} {_processor()}"
             key = hashlib.sha256(f"{made_for}\n{assembly}".encode()).hexdigest()
-            kept = cache_folder() / f"{key}.o"
-            if kept.is_file():
-                code = kept.read_bytes()
-            else:
+            code = _kept(key)
+            if code is None:
                 code = machine.emit_object(llvm.parse_assembly(assembly))
-                _keep(kept, code)
+                _keep(key, code)
             # The engine owns the machine from here on: another one needs its own.
             self._engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), machine)
             self._engine.add_object_file(llvm.ObjectFileRef.from_data(code))
@@ -52,21 +51,35 @@ def cache_folder() -> Path:
     given = os.environ.get("GONIOMETER_CACHE_DIR")
     if given:
         return Path(given)
-    if sys.platform == "win32":
-        return Path(os.environ.get("LOCALAPPDATA", Path.home() / "AppData" / "Local")) / "goniometer" / "kernels"
-    if sys.platform == "darwin":
-        return Path.home() / "Library" / "Caches" / "goniometer" / "kernels"
-    return Path(os.environ.get("XDG_CACHE_HOME", Path.home() / ".cache")) / "goniometer" / "kernels"
+    variable, folder = {
+        "win32": ("LOCALAPPDATA", "~/AppData/Local"),
+        "darwin": ("XDG_CACHE_HOME", "~/Library/Caches"),
+    }.get(sys.platform, ("XDG_CACHE_HOME", "~/.cache"))
+    return Path(os.environ.get(variable) or folder).expanduser() / "goniometer" / "kernels"
 
 
-def _keep(path: Path, code: bytes) -> None:
-    # Code that is run again belongs to this user alone. Without a place to keep it, it is compiled anew next time.
+# A cache saves time and nothing else: whatever is wrong with it, the kernel is compiled anew.
+
+
+def _kept(key: str) -> bytes | None:
     try:
-        path.parent.mkdir(parents=True, exist_ok=True, mode=0o700)
-        with tempfile.NamedTemporaryFile(dir=path.parent, delete=False) as file:
-            file.write(code)
-        Path(file.name).replace(path)
-    except OSError:
+        content = (cache_folder() / f"{key}.kernel").read_bytes()
+    except (OSError, RuntimeError):  # RuntimeError: this user has no home
+        return None
+    digest, code = content[:_DIGEST_BYTES], content[_DIGEST_BYTES:]
+    return code if digest == hashlib.sha256(code).digest() else None
+
+
+def _keep(key: str, code: bytes) -> None:
+    try:
+        folder = cache_folder()
+        folder.mkdir(parents=True, exist_ok=True, mode=0o700)
+        # Whole or not at all, though several processes may write it at once.
+        with tempfile.TemporaryDirectory(dir=folder) as nook:
+            part = Path(nook) / key
+            part.write_bytes(hashlib.sha256(code).digest() + code)
+            part.replace(folder / f"{key}.kernel")
+    except (OSError, RuntimeError):
         return
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 
 from model.kernel.expression import Symbol, Value, cos, guarded, hypot, maximum, reachable, sin, where
@@ -73,7 +74,9 @@ def _rule(symbol: Symbol, changes: Sequence[Value]) -> Value:
         case "max":
             return where(x < y, dy, dx)
         case "where":
-            return where(x, dy, changes[2])
+            # Where a value is infinite nothing can be said of its slope.
+            infinite = y.number is not None and math.isinf(y.number)
+            return where(x, math.nan if infinite else dy, changes[2])
         case "guarded":
             return guarded(x, dy)
     raise KeyError(f"{symbol.operation} has no derivative")

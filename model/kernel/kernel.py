@@ -43,28 +43,24 @@ class Kernel:
     def __init__(self, formula: Formula, inputs: Sequence[str], uniform: frozenset[str], precision: Precision) -> None:
         graph = Graph()
         outputs = lowered(formula({name: graph.input(name) for name in inputs}), precision)
-        self._numbers = {i: output for i, output in enumerate(outputs) if not isinstance(output, Symbol)}
-        self._computed = [i for i, output in enumerate(outputs) if isinstance(output, Symbol)]
+        self._rows = len(outputs)
+        self._numbers = {row: output for row, output in enumerate(outputs) if not isinstance(output, Symbol)}
         self._inputs = [(name, name in uniform) for name in inputs]
         self._dtype = np.dtype(precision)
         self._lanes = LANES[precision]
-        symbols = [output for output in outputs if isinstance(output, Symbol)]
-        self._code = MachineCode(assembly(inputs, uniform, symbols, precision)) if symbols else None
+        computed = {row: output for row, output in enumerate(outputs) if isinstance(output, Symbol)}
+        self._code = MachineCode(assembly(inputs, uniform, computed, precision)) if computed else None
 
     def __call__(self, arrays: Sequence[NDArray[np.floating]], count: int) -> NDArray[np.floating]:
         """Outputs (outputs, count) from one array a non-uniform input (count,) and one number a uniform one."""
         width = max(count, self._lanes)
         taken = [self._taken(array, uniform, width) for (_, uniform), array in zip(self._inputs, arrays, strict=True)]
-        computed = np.empty((len(self._computed), width), self._dtype)
+        outputs = np.empty((self._rows, width), self._dtype)
+        for row, number in self._numbers.items():
+            outputs[row] = number
         if self._code is not None and count:
-            self._run(taken, computed)
-        if not self._numbers:
-            return computed[:, :count]
-        outputs = np.empty((len(self._computed) + len(self._numbers), count), self._dtype)
-        outputs[self._computed] = computed[:, :count]
-        for position, number in self._numbers.items():
-            outputs[position] = number
-        return outputs
+            self._run(taken, outputs)
+        return outputs[:, :count]
 
     def _taken(self, array: NDArray[np.floating], uniform: bool, width: int) -> NDArray[np.floating]:
         values = np.ascontiguousarray(array, self._dtype)
@@ -72,20 +68,20 @@ class Kernel:
             return values
         return np.resize(values, width) if values.size else np.zeros(width, self._dtype)
 
-    def _run(self, arrays: Sequence[NDArray[np.floating]], computed: NDArray[np.floating]) -> None:
-        width = computed.shape[1]
+    def _run(self, arrays: Sequence[NDArray[np.floating]], outputs: NDArray[np.floating]) -> None:
+        width = outputs.shape[1]
         parts = min(_cores(), width // _WORTH_A_THREAD) or 1
         edges = [width * part // parts // self._lanes * self._lanes for part in range(parts)] + [width]
         spans = list(pairwise(edges))
-        waiting = [_threads().submit(self._part, arrays, computed, *span) for span in spans[1:]]
-        self._part(arrays, computed, *spans[0])
+        waiting = [_threads().submit(self._part, arrays, outputs, *span) for span in spans[1:]]
+        self._part(arrays, outputs, *spans[0])
         for thread in waiting:
             thread.result()
 
     def _part(
-        self, arrays: Sequence[NDArray[np.floating]], computed: NDArray[np.floating], start: int, stop: int
+        self, arrays: Sequence[NDArray[np.floating]], outputs: NDArray[np.floating], start: int, stop: int
     ) -> None:
-        size, (_, stride) = self._dtype.itemsize, computed.shape
+        size, (_, stride) = self._dtype.itemsize, outputs.shape
         pointers = np.array(
             [
                 array.ctypes.data + (0 if uniform else start * size)
@@ -94,7 +90,7 @@ class Kernel:
             np.uintp,
         )
         assert self._code is not None
-        self._code.call(stop - start, pointers.ctypes.data, computed.ctypes.data + start * size, stride)
+        self._code.call(stop - start, pointers.ctypes.data, outputs.ctypes.data + start * size, stride)
 
 
 def _cores() -> int:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 import struct
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 
 import numpy as np
 
@@ -25,7 +25,9 @@ _BINARY = {"add": "fadd", "sub": "fsub", "mul": "fmul", "div": "fdiv"}
 _CALLS = {"sqrt": "sqrt", "abs": "fabs", "fma": "fma"}
 
 
-def assembly(inputs: Sequence[str], uniform: Collection[str], outputs: Sequence[Symbol], precision: Precision) -> str:
+def assembly(
+    inputs: Sequence[str], uniform: Collection[str], outputs: Mapping[int, Symbol], precision: Precision
+) -> str:
     """LLVM assembly of a kernel.
 
     Parameters
@@ -34,8 +36,8 @@ def assembly(inputs: Sequence[str], uniform: Collection[str], outputs: Sequence[
         Names of the inputs in the order of their pointers.
     uniform : collection of str
         Those that hold one number for all directions.
-    outputs : sequence of Symbol
-        What to compute, in operations that `lowering` leaves.
+    outputs : mapping of int to Symbol
+        What to compute, in operations that `lowering` leaves, by the row of the outputs that it goes to.
     precision : Precision
         Type of all inputs and outputs.
     """
@@ -63,8 +65,8 @@ class _Writer:
         self.names: dict[int, str] = {}
         self.counter = 0
 
-    def function(self, outputs: Sequence[Symbol]) -> str:
-        order = schedule(outputs, self.uniform)
+    def function(self, outputs: Mapping[int, Symbol]) -> str:
+        order = schedule(list(outputs.values()), self.uniform)
         for position in range(len(self.inputs)):
             slot = self.line(f"getelementptr ptr, ptr %inputs, i64 {position}")
             self.line(f"load ptr, ptr {slot}", f"%in{position}")
@@ -75,8 +77,8 @@ class _Writer:
         label = "loop"
         for step in order.each:
             label = self.block(step, label) if isinstance(step, Block) else self.emit(step, label)
-        for position, output in enumerate(outputs):
-            offset = self.line(f"mul i64 %stride, {position}")
+        for row, output in outputs.items():
+            offset = self.line(f"mul i64 %stride, {row}")
             place = self.line(f"add i64 {offset}, %i")
             pointer = self.line(f"getelementptr {self.number}, ptr %outputs, i64 {place}")
             self.lines.append(

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from model.bounce_bound import bounces_for, light_beyond
+from model.geometry import angles
 from model.groove_passage import passages
 from model.groove_plane import groove_plane
 
@@ -36,9 +37,9 @@ def test_no_groove_below_the_limit_gives_more_bounces(bounces: int, asymmetry: f
     # The slope of the bound, read back from it, against every groove that gives one bounce more.
     limit = np.sqrt(-2.0 * np.log(light_beyond(bounces, 1.0, asymmetry)))
     rng = np.random.default_rng(0)
-    plane = groove_plane(*rng.uniform(0.0, 1.57, (2, 20_000)), rng.uniform(0.0, 7.0, 20_000))
+    plane = groove_plane(angles(*rng.uniform(0.0, 1.57, (2, 20_000)), rng.uniform(0.0, 7.0, 20_000)))
     slopes = [
-        passage.grooves.slope[passage.lit].min(initial=np.inf)
+        passage.grooves.slope[passage.reflectance > 0.0].min(initial=np.inf)
         for passage in passages(bounces + 1, plane, 5.0, asymmetry)
     ]
     assert limit <= min(slopes) < 1.3 * limit

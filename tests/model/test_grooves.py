@@ -115,7 +115,7 @@ def test_every_matrix_is_physical(k: int, ti: float, tr: float, phi: float, sigm
     assert matrix[0, 0] >= 0.0
     if np.isinf(matrix[0, 0]):
         assert k > 1
-        assert max(ti, tr) < 1e-270
+        assert max(ti, tr) < 1e-149
         return
     scale = matrix[0, 0] or 1.0
     assert eigenvalues(matrix / scale).min() >= -1e-13 or scale < 1e-300
@@ -241,7 +241,7 @@ def test_stays_physical_where_two_walls_nearly_extinguish_the_light() -> None:
 
 @pytest.mark.parametrize("a", [0.1, 0.5, 0.9, 0.999, 1.0 - 1e-6, 1.0 - 1e-12, 1.0 - 2.0**-53])
 def test_the_groove_is_found_everywhere(a: float) -> None:
-    # More than six Newton steps raise ArithmeticError.
+    # An opening that is not settled gives two slopes for one groove, and reciprocity is lost.
     ti, tr, phi = directions(20_000, seed=1)
     tr = np.where(phi > 5.0, ti, tr)
     for k in (3, 5, 7, 21):

@@ -8,8 +8,8 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
-from model.facet import facet_mueller, facet_stokes
-from model.geometry import directions
+from model.geometry import angles, facet
+from model.groove_reflectance import facet_mueller
 from model.lobes import Diffuse, Directional, Specular
 from model.surface import Surface
 from model.vgroove import bounce_mueller, single_bounce_fraction
@@ -38,8 +38,8 @@ def reciprocal_surface(sigma: float, n: complex) -> Surface:
 def test_reciprocity(ti: float, tr: float, phi: float, sigma: float, n: complex) -> None:
     surface = reciprocal_surface(sigma, n)
     there, back = surface.mueller(ti, tr, phi), surface.mueller(tr, ti, phi)
-    # Swapping the angles rounds differently, which a narrow lobe at grazing angles magnifies.
-    assert_allclose(REVERSAL @ back.T @ REVERSAL, there, rtol=0.0, atol=1e-8 * there[0, 0] + 1e-300)
+    # The diffuse lobe's bracket is a difference of numbers of the order of 1.
+    assert_allclose(REVERSAL @ back.T @ REVERSAL, there, rtol=0.0, atol=1e-14 * there[0, 0] + 1e-15)
 
 
 @settings(max_examples=200, deadline=None)
@@ -53,7 +53,7 @@ def test_mirror_symmetry(ti: float, tr: float, phi: float, sigma: float, n: comp
 @settings(max_examples=200, deadline=None)
 @given(polar, polar, azimuth, index)
 def test_a_facet_never_amplifies(ti: float, tr: float, phi: float, n: complex) -> None:
-    matrix = facet_mueller(directions(ti, tr, phi), n)
+    matrix = np.array(facet_mueller(facet(angles(ti, tr, phi)), n.real, n.imag))
     largest_gain = matrix[0, 0] + np.linalg.norm(matrix[0, 1:])
     assert largest_gain <= 1.0 + 1e-14
 
@@ -80,10 +80,9 @@ def test_stokes_is_mueller_times_the_incoming_state(
 
 
 def test_unpolarized_light_takes_the_short_way_to_the_same_result() -> None:
-    at = directions(0.9, np.linspace(0.0, 1.5, 7), np.linspace(-3.0, 3.0, 7))
-    nearly = np.array([1.0, 1e-200, 0.0, 0.0])
-    unpolarized = np.array([1.0, 0.0, 0.0, 0.0])
-    assert_allclose(facet_stokes(at, 2.0 + 3.0j, unpolarized), facet_stokes(at, 2.0 + 3.0j, nearly), atol=1e-16)
+    at = 0.9, np.linspace(0.0, 1.5, 7), np.linspace(-3.0, 3.0, 7)
+    surface = Surface([Specular(0.7, 0.3, 2.0 + 3.0j, 0.2, bounces=3), Diffuse(0.2, 0.3)])
+    assert_allclose(surface.stokes(*at), surface.stokes(*at, [1.0, 1e-200, 0.0, 0.0]), rtol=0.0, atol=1e-199)
 
 
 def test_the_directional_lobe_is_not_reciprocal() -> None:

@@ -1,0 +1,101 @@
+"""Mirror-like facets with Gaussian slopes that reflect once, with or without masking one another."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from model.evaluation import Form
+from model.fresnel import require_index
+from model.geometry import Angles, Facet, facet
+from model.groove_passage import single_bounce
+from model.groove_reflectance import facet_mueller
+from model.kernel.expression import Value
+from model.lobes.lobe import format_index, require_weight
+from model.matrix import Matrix, scaled
+from model.slopes import normal_density, require_sigma
+
+
+@dataclass(frozen=True)
+class Microfacet:
+    """Light that Gaussian facets reflect once: D G M/(4 cos ti cos tr), with 1/cos⁴ of the facet's tilt in D.
+
+    Without masking, G = 1, the lobe grows beyond all bounds towards grazing angles.
+
+    Parameters
+    ----------
+    weight : float
+        rho_s >= 0.
+    sigma : float
+        rms slope per axis, > 0.
+    index : complex
+        n + ik, n > 0, k >= 0.
+    masked : bool
+        Whether G is that of symmetric V-grooves, as in Torrance and Sparrow 1967, or 1.
+
+    Raises
+    ------
+    ValueError
+        If a value is outside its range.
+    """
+
+    weight: float
+    sigma: float
+    index: complex
+    masked: bool
+
+    def __post_init__(self) -> None:
+        require_weight("rho_s", self.weight)
+        require_sigma(self.sigma)
+        require_index(self.index)
+
+    @property
+    def parameters(self) -> tuple[str, ...]:
+        """Names of the numbers that a fit may vary."""
+        return "rho_s", "sigma", "n", "k"
+
+    @property
+    def numbers(self) -> Mapping[str, float]:
+        """What the form computes with, by name."""
+        index = complex(self.index)
+        return {"rho_s": self.weight, "sigma": self.sigma, "n": index.real, "k": index.imag}
+
+    @property
+    def has_caustic(self) -> bool:
+        """Whether the lobe is infinite in the mirror direction itself."""
+        return False
+
+    def form(self, varied: frozenset[str]) -> Form:
+        """How the lobe follows from its numbers."""
+        return Form(_masked if self.masked else _unmasked)
+
+    def rates(self, parameter: str) -> Mapping[str, float]:
+        """How fast each of the numbers changes with a parameter."""
+        return {parameter: 1.0} if parameter in self.parameters else {}
+
+    def describe(self) -> str:
+        """What the lobe is, and what it leaves out, for a person."""
+        masking = {
+            True: "masked as symmetric V-grooves",
+            False: "without masking, so that it grows beyond all bounds towards grazing angles",
+        }
+        return (
+            f"Specular lobe of Gaussian facets: rho_s = {self.weight:.6g}, sigma = {self.sigma:.6g} (rms slope per "
+            f"axis), index {format_index(self.index)}, {masking[self.masked]}. Left out: light that meets more than "
+            f"one facet."
+        )
+
+
+def _masked(at: Angles, numbers: Mapping[str, Value]) -> Matrix:
+    wall = facet(at)
+    return _reflected(wall, single_bounce(wall, numbers["sigma"], 0.0), numbers)
+
+
+def _unmasked(at: Angles, numbers: Mapping[str, Value]) -> Matrix:
+    wall = facet(at)
+    reflectance = normal_density(wall.slope, numbers["sigma"]) / (4.0 * wall.cos_incidence * wall.cos_exit)
+    return _reflected(wall, reflectance, numbers)
+
+
+def _reflected(wall: Facet, reflectance: Value, numbers: Mapping[str, Value]) -> Matrix:
+    return scaled(facet_mueller(wall, numbers["n"], numbers["k"]), numbers["rho_s"] * reflectance)
