@@ -8,6 +8,7 @@ import numpy as np
 
 from acquisition.readings import StokesPoint
 from acquisition.recipe import FitChoice
+from model.acceptance import half_angle_rad
 from model.fit import StokesData, SurfaceFamily
 from model.geometry import in_plane
 
@@ -29,10 +30,16 @@ def stokes_data(points: Sequence[StokesPoint]) -> StokesData:
     )
 
 
-def surface_family(choice: FitChoice) -> SurfaceFamily:
-    """The surfaces that a recipe's fit section allows."""
+def surface_family(choice: FitChoice, acceptance_sr: float) -> SurfaceFamily:
+    """The surfaces that a recipe's fit section allows, seen with a detector of this acceptance where that matters.
+
+    After one bounce reflectance hardly changes within a detector's cone. After two it has a pole in the mirror
+    direction, and only its average over the cone means anything.
+    """
     return SurfaceFamily(
         lobes=tuple(choice.lobes),
         free={name: (low, high) for name, (low, high) in choice.free.items()},
         fixed={name: value for name, value in choice.fixed.items()},  # noqa: C416 (widens the keys to str)
+        bounces=choice.bounces,
+        detector_half_angle_rad=half_angle_rad(acceptance_sr) if choice.bounces > 1 else 0.0,
     )

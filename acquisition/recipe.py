@@ -13,7 +13,7 @@ from acquisition.analyzer_matrix import check_analyzer_set
 from acquisition.section import Section, SectionFault, refuse_all
 
 Lobe = Literal["specular", "diffuse", "directional"]
-ParameterName = Literal["sigma", "n", "k"]
+ParameterName = Literal["sigma", "n", "k", "asymmetry"]
 ExitAngle = Annotated[float, Field(ge=-85, le=85)]
 AnalyzerAngle = Annotated[float, Field(ge=-360, le=360)]
 Bounds = Annotated[tuple[float, float], Field(strict=False)]
@@ -46,6 +46,7 @@ _DOMAIN = {
     "sigma": _Domain("rms slope of the surface", 0.0, 10.0, low_is_open=True),
     "n": _Domain("real part of the refractive index", 0.05, 20.0),
     "k": _Domain("imaginary part of the refractive index", 0.0, 100.0),
+    "asymmetry": _Domain("asymmetry of the grooves", 0.0, 0.99),
 }
 
 
@@ -106,7 +107,7 @@ class FitChoice(Section):
     """What to fit: the lobes, and which parameters are searched or held.
 
     The lobes' weights are always free. Roughness sigma, and n and k when a lobe reflects off facets, each stand once in
-    `free` (with lowest and highest value) or in `fixed`.
+    `free` (with lowest and highest value) or in `fixed`; so may the asymmetry of the specular lobe's grooves.
     """
 
     lobes: Annotated[tuple[Lobe, ...], Field(strict=False, min_length=1)] = Field(
@@ -120,6 +121,13 @@ class FitChoice(Section):
         default={},
         description="parameters that are known and held",
         json_schema_extra=_parameters_schema("value", _NUMBER),
+    )
+    bounces: int = Field(
+        default=1,
+        ge=1,
+        le=12,
+        description="reflections inside the grooves that the specular lobe follows; above 1 it is averaged over the "
+        "detector's acceptance",
     )
     search: Literal["sobol", "genetic"] = Field(
         default="sobol", description="how starting values are found: a Sobol sequence, or a genetic search"
@@ -138,6 +146,9 @@ class FitChoice(Section):
     def _presence_faults(self) -> Iterator[SectionFault]:
         has_facets = "specular" in self.lobes or "directional" in self.lobes
         for name, domain in _DOMAIN.items():
+            if name == "asymmetry":
+                yield from self._asymmetry_faults()
+                continue
             needed = name == "sigma" or has_facets
             if name in self.free and name in self.fixed:
                 yield ("fixed", name), f"{name} stands in free as well; write it in one of the two"
@@ -150,6 +161,16 @@ class FitChoice(Section):
             elif not needed and (name in self.free or name in self.fixed):
                 section = "free" if name in self.free else "fixed"
                 yield (section, name), f"the diffuse lobe alone does not depend on {name}; leave it out"
+
+    def _asymmetry_faults(self) -> Iterator[SectionFault]:
+        if "asymmetry" in self.free and "asymmetry" in self.fixed:
+            yield ("fixed", "asymmetry"), "asymmetry stands in free as well; write it in one of the two"
+        elif "specular" not in self.lobes:
+            for section in ("free", "fixed"):
+                if "asymmetry" in getattr(self, section):
+                    yield (section, "asymmetry"), "only the specular lobe depends on asymmetry; leave it out"
+            if self.bounces > 1:
+                yield ("bounces",), "only the specular lobe follows more than one reflection; leave bounces out"
 
     def _value_faults(self) -> Iterator[SectionFault]:
         for name, bounds in self.free.items():

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from acquisition.recipe import Recipe
+from model.acceptance import WIDEST_RAD, half_angle_rad
 from goniometer.rig_file import NewportEsp301Entry, OrientalAzEntry, Rig, Role, ThorlabsFw102cEntry
 from goniometer.yaml_file import Fault, KeyPath, YamlFile
 from sim_devices.scene import Device, NewportEsp301Device, OrientalAzDevice, Scene, ThorlabsFw102cDevice
@@ -19,6 +20,13 @@ def recipe_on_rig(recipe: Recipe, file: YamlFile, rig: Rig, rig_path: Path) -> I
     """Whatever a recipe asks that its rig cannot do, at the recipe's own lines."""
     yield from _slot_faults(recipe, file, rig, rig_path)
     yield from _angle_faults(recipe, file, rig, rig_path)
+    if recipe.fit.bounces > 1 and half_angle_rad(rig.calibration.acceptance_sr) > WIDEST_RAD:
+        yield file.fault(
+            ("fit", "bounces"),
+            f"got {recipe.fit.bounces}; allowed: 1, because the detector of {rig_path} accepts "
+            f"{rig.calibration.acceptance_sr:g} sr (acceptance_sr), a wider cone than {math.degrees(WIDEST_RAD):g}° to "
+            "each side, and more bounces are averaged over it",
+        )
     sample_s = rig.detector.sample_s
     samples = max(1, round(recipe.exposure_s / sample_s))
     if samples > rig.detector.most_samples:

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 
 from goniometer.plus_minus import number_and_error
 from model.fit import Estimate, FitResult
+from model.lobes import Lobe, Specular
 
 _UNLIKELY = 3.0
 """Standard deviations of chi-square beyond which it says that model and noise do not belong together."""
@@ -74,7 +75,14 @@ def _at_bounds(fit: FitResult) -> str:
 
 def model_name(fit: FitResult) -> str:
     """Which lobes the fitted surface is made of; `FitResult.description` says more."""
-    return f"Model: {' + '.join(type(lobe).__name__.lower() for lobe in fit.surface.lobes)}."
+    return f"Model: {' + '.join(_lobe_name(lobe) for lobe in fit.surface.lobes)}."
+
+
+def _lobe_name(lobe: Lobe) -> str:
+    name = type(lobe).__name__.lower()
+    if isinstance(lobe, Specular) and lobe.followed > 1:
+        return f"{name} (up to {lobe.followed} reflections, averaged over the detector's acceptance)"
+    return name
 
 
 def fit_summary(fit: FitResult, truth: Mapping[str, float]) -> str:

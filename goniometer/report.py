@@ -46,6 +46,7 @@ _SYMBOLS = {
     "sigma": ("$\\sigma$", "roughness, rms slope"),
     "n": ("$n$", "refractive index"),
     "k": ("$k$", "extinction coefficient"),
+    "asymmetry": ("$a$", "asymmetry of the grooves"),
     "rho_s": ("$\\rho_\\mathrm{s}$", "weight, specular"),
     "rho_d": ("$\\rho_\\mathrm{d}$", "weight, diffuse"),
     "rho_dd": ("$\\rho_\\mathrm{dd}$", "weight, directional"),

@@ -103,7 +103,8 @@ def load(folder: str | Path) -> StoredRun:
         )
     result, refusal = None, ""
     try:
-        result = fit(stokes_data(points), surface_family(recipe.fit), search=recipe.fit.search)
+        family = surface_family(recipe.fit, rig.calibration.acceptance_sr)
+        result = fit(stokes_data(points), family, search=recipe.fit.search)
     except FitError as error:
         refusal = str(error)
     return StoredRun(folder, recipe, readings, points, result, refusal, scene_truth(about["scene"]), about)

@@ -106,7 +106,8 @@ def _measure(
         folder = new_run_folder(out, recipe.recipe)
         about = _about(setup, bench_access.scene_text)
         stored = stack.enter_context(Journal.create(folder / journal.FILE_NAME, about))
-        fitting = stack.enter_context(LiveFit(surface_family(recipe.fit), recipe.fit.search)) if live_fit else None
+        family = surface_family(recipe.fit, rig.calibration.acceptance_sr)
+        fitting = stack.enter_context(LiveFit(family, recipe.fit.search)) if live_fit else None
         pipeline = Pipeline(steps, reduction(recipe, rig), fitting, subscribers)
         stack.enter_context(_switching_threads_often())
         pipeline.publish(

@@ -33,6 +33,10 @@ class Sample(_Part):
     material: str | None = Field(default=None, description="a material of the table, for example Fe; or write index")
     index: Index | None = Field(default=None, description="refractive index n + ik; or write material")
     sigma: float = Field(gt=0, le=2, description="roughness: rms slope per axis")
+    asymmetry: float = Field(
+        default=0.0, ge=0, le=0.99, description="a of grooves whose walls have slopes t(1 + a) and t(1 - a)"
+    )
+    bounces: int = Field(default=1, ge=1, le=12, description="reflections inside the grooves that are followed")
     rho_s: float = Field(ge=0, le=10, description="weight of the specular lobe")
     rho_d: float = Field(ge=0, le=10, description="weight of the diffuse lobe")
     rho_dd: float = Field(ge=0, le=10, description="weight of the directional diffuse lobe")
@@ -116,6 +120,12 @@ class DarkCurrent(_Part):
     power_w: float = Field(gt=0, le=1e-3, description="power reported in the dark, in W")
 
 
+class AcceptanceCone(_Part):
+    """The detector takes the mean over its cone of directions; needed where light is followed for several bounces."""
+
+    effect: Literal["acceptance_cone"] = Field(description="the effect's name")
+
+
 class ShotNoise(_Part):
     """The statistics of counting photons."""
 
@@ -136,7 +146,7 @@ class Quantisation(_Part):
     digits: int = Field(ge=1, le=15, description="significant digits of a printed reading")
 
 
-Effect = Annotated[DarkCurrent | ShotNoise | ReadNoise | Quantisation, Field(discriminator="effect")]
+Effect = Annotated[AcceptanceCone | DarkCurrent | ShotNoise | ReadNoise | Quantisation, Field(discriminator="effect")]
 
 
 class Scene(_Part):
@@ -176,9 +186,19 @@ class Scene(_Part):
             for effect, count in Counter(part.effect for part in self.effects).items()
             if count > 1
         ]
+        if self.sample.bounces > 1 and not self.has_acceptance_cone:
+            faults.append(
+                f"light of {self.sample.bounces} bounces has a pole in the mirror direction, which only the mean over "
+                "the detector's cone makes finite; name the effect acceptance_cone, or take bounces: 1"
+            )
         if faults:
             raise ValueError("; ".join(faults))
         return self
+
+    @property
+    def has_acceptance_cone(self) -> bool:
+        """Whether the detector takes the mean over its cone of directions."""
+        return any(isinstance(part, AcceptanceCone) for part in self.effects)
 
     @model_validator(mode="after")
     def _material_is_tabulated(self) -> Scene:
@@ -194,12 +214,13 @@ class Scene(_Part):
         return materials.index(self.sample.material, self.lamp.wavelength_nm)
 
     def truth(self) -> dict[str, float]:
-        """The parameters that a fit of this scene should find: sigma, n, k and the three weights."""
+        """The parameters that a fit of this scene should find: sigma, n, k, the weights, and what asymmetry there is."""
         index, sample = self.index(), self.sample
         return {
             "sigma": sample.sigma,
             "n": index.real,
             "k": index.imag,
+            **({"asymmetry": sample.asymmetry} if sample.asymmetry else {}),
             "rho_s": sample.rho_s,
             "rho_d": sample.rho_d,
             "rho_dd": sample.rho_dd,

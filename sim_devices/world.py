@@ -8,6 +8,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
+from model.acceptance import Acceptance, half_angle_rad
 from model.geometry import in_plane
 from model.lobes import Diffuse, Directional, Specular
 from model.surface import Surface
@@ -55,7 +56,11 @@ class World:
                 self._rows = {slot: analyzer_row(holds) for slot, holds in device.slots.items()}
             elif isinstance(device, ThorlabsPm100Device):
                 self._acceptance_sr = device.acceptance_sr
-        self._stokes = remember_last(surface(scene).stokes)
+        self._sample: Surface | Acceptance = surface(scene)
+        if scene.has_acceptance_cone:
+            self._sample = Acceptance(surface(scene), half_angle_rad(self._acceptance_sr))
+        self._stokes = remember_last(self._sample.stokes)
+        self._stokes(0.0, 0.5, 0.0)  # compiles the surface now, before a device has to answer in time
         self._parts = _detector_parts(scene)
         self._detect = effects.chain(list(self._parts.values()))
         self._measurements = 0
@@ -87,8 +92,9 @@ class World:
 
     def describe(self) -> str:
         """Which effects are on the detector's path, in order, and which are not there at all."""
-        present = ", ".join(self._parts) or "nothing"
-        absent = ", ".join(name for name in _ORDER if name not in self._parts) or "nothing"
+        named = {effect.effect for effect in self.scene.effects}
+        present = ", ".join(name for name in _ORDER if name in named) or "nothing"
+        absent = ", ".join(name for name in _ORDER if name not in named) or "nothing"
         return f"On the detector's path: {present}. Not there, because the scene does not name it: {absent}."
 
 
@@ -96,7 +102,7 @@ def surface(scene: Scene) -> Surface:
     """The sample's surface, made of those lobes whose weight is not zero."""
     sample, index = scene.sample, scene.index()
     lobes = (
-        Specular(sample.rho_s, sample.sigma, index),
+        Specular(sample.rho_s, sample.sigma, index, sample.asymmetry, sample.bounces),
         Diffuse(sample.rho_d, sample.sigma),
         Directional(sample.rho_dd, sample.sigma, index),
     )
@@ -130,7 +136,7 @@ def remember_last(
 
 
 # the order in which light and electrons meet them, whatever the order in the file
-_ORDER = ("dark_current", "shot_noise", "read_noise", "quantisation")
+_ORDER = ("acceptance_cone", "dark_current", "shot_noise", "read_noise", "quantisation")
 
 
 def _detector_parts(scene: Scene) -> dict[str, effects.Part]:

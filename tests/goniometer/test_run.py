@@ -126,3 +126,31 @@ def test_a_reference_is_read_and_does_not_disturb(tmp_path):
     assert sum(reading.kind == "reference" for reading in stored.readings) == 3 * 2
     for name, true_value in stored.truth.items():
         assert_allclose(stored.fit.parameters[name].value, true_value, rtol=1e-5)
+
+
+def test_multiple_scattering_in_asymmetric_grooves_is_recovered_through_the_mirror_direction(tmp_path):
+    sample = {
+        "material": "Fe",
+        "sigma": 0.4,
+        "asymmetry": 0.3,
+        "bounces": 3,
+        "rho_s": 0.7,
+        "rho_d": 0.1,
+        "rho_dd": 0.05,
+    }
+    fit = {
+        "lobes": ["specular", "diffuse", "directional"],
+        "free": {"sigma": [0.1, 1.0], "n": [1.0, 6.0], "k": [0.5, 8.0]},
+        "fixed": {"asymmetry": 0.3},
+        "bounces": 3,
+    }
+    recipe = write_variant(
+        tmp_path,
+        recipe_changes={"exit": {"start_deg": -20.0, "stop_deg": 80.0, "step_deg": 5.0}, "fit": fit},
+        scene_changes={"sample": sample, "effects": [{"effect": "acceptance_cone"}]},
+    )
+    stored = goniometer.run(recipe, out=tmp_path / "runs", speed="max", live_fit=False)
+    for name, true_value in stored.truth.items():
+        if name != "asymmetry":
+            assert_allclose(stored.fit.parameters[name].value, true_value, rtol=1e-4)
+    assert "3 reflections" in stored.fit.surface.describe()

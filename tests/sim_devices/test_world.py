@@ -8,6 +8,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
+from model.acceptance import Acceptance, half_angle_rad
 from model.lobes import Diffuse, Directional, Specular
 from model.surface import Surface
 from sim_devices import effects
@@ -49,6 +50,17 @@ def test_power_is_the_lamp_seen_through_surface_acceptance_and_analyzer(scene_wi
     incidence_deg, exit_deg = incidence / 20, exit_ / 20
     world = aimed(World(scene_with()), incidence_deg, exit_deg, slot)
     assert_allclose(world.power_w(100.0), expected_w(incidence_deg, exit_deg, slot), rtol=1e-9, atol=1e-25)
+
+
+@pytest.mark.parametrize("exit_deg", [-20.0, 59.9, 60.0, 60.5])
+def test_light_of_several_bounces_is_averaged_over_the_meters_cone(scene_with, exit_deg):
+    sample = {"material": "Fe", "sigma": 0.4, "asymmetry": 0.3, "bounces": 3, "rho_s": 0.7, "rho_d": 0, "rho_dd": 0}
+    world = aimed(World(scene_with(sample=sample, effects=[{"effect": "acceptance_cone"}])), 60.0, exit_deg, 1)
+    surface = Surface([Specular(0.7, 0.4, 2.950 + 2.932j, 0.3, 3)])
+    seen = Acceptance(surface, half_angle_rad(1e-3))
+    s0 = seen.stokes(math.radians(60.0), math.radians(abs(exit_deg)), math.pi if exit_deg >= 0 else 0.0)[0]
+    assert_allclose(world.power_w(100.0), 1e-3 * 1e-3 * math.cos(math.radians(exit_deg)) * s0, rtol=1e-9)
+    assert "acceptance_cone" in world.describe()
 
 
 @pytest.mark.parametrize("angle_deg", [0, 30, 45, 90, 135, -20])
