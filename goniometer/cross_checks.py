@@ -7,9 +7,9 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from acquisition.recipe import Recipe
-from model.acceptance import WIDEST_RAD, half_angle_rad
 from goniometer.rig_file import NewportEsp301Entry, OrientalAzEntry, Rig, Role, ThorlabsFw102cEntry
 from goniometer.yaml_file import Fault, KeyPath, YamlFile
+from model.acceptance import WIDEST_RAD, half_angle_rad
 from sim_devices.scene import Device, NewportEsp301Device, OrientalAzDevice, Scene, ThorlabsFw102cDevice
 
 _SAME_DURATION = 1e-6

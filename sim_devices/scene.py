@@ -214,7 +214,7 @@ class Scene(_Part):
         return materials.index(self.sample.material, self.lamp.wavelength_nm)
 
     def truth(self) -> dict[str, float]:
-        """The parameters that a fit of this scene should find: sigma, n, k, the weights, and what asymmetry there is."""
+        """The parameters that a fit of this scene should find: sigma, n, k, weights, and what asymmetry there is."""
         index, sample = self.index(), self.sample
         return {
             "sigma": sample.sigma,
