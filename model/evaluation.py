@@ -143,7 +143,7 @@ def evaluate(
         stream.reshape(1) if name in fixed else np.broadcast_to(stream, shape).reshape(-1)
         for name, stream in zip(names, streams, strict=True)
     ]
-    arrays += [np.array([numbers[name]], precision) for name in program.inputs]
+    arrays += [_rounded(numbers[name], precision) for name in program.inputs]
     kernel = _kernel(program, tuple(names), fixed, precision)
     rows = kernel(arrays, math.prod(shape))
     return rows.reshape(len(rows), *shape)
@@ -157,6 +157,12 @@ def _kernel(program: Program, names: tuple[str, ...], fixed: frozenset[str], pre
 def _precision(*values: ArrayLike) -> Precision:
     kinds = [value.dtype for value in values if isinstance(value, np.ndarray | np.generic)]
     return "float32" if kinds and all(kind == np.float32 for kind in kinds) else "float64"
+
+
+def _rounded(number: float, precision: Precision) -> NDArray[np.floating]:
+    rounded = np.array([number], precision)
+    # An asymmetry below 1 must stay below it.
+    return np.nextafter(rounded, rounded.dtype.type(0.0)) if number < 1.0 <= rounded[0] else rounded
 
 
 def _within_a_few_turns(azimuth: NDArray[np.floating]) -> NDArray[np.floating]:

@@ -7,10 +7,10 @@ from __future__ import annotations
 
 import math
 
-from model.kernel.expression import Value, exp
+from model.kernel.expression import Value, exp, where
 
 # Beyond every surface, and far from where squares overflow.
-_SMALLEST, _LARGEST = 1e-8, 1e8
+_SMALLEST, _LARGEST = 1e-5, 1e5
 
 
 def slope_density(slope: Value, sigma: Value, factor: Value = 1.0) -> Value:
@@ -27,7 +27,8 @@ def slope_density(slope: Value, sigma: Value, factor: Value = 1.0) -> Value:
     """
     half = slope * (1.0 / (2.0 * sigma))
     root = exp(-(half * half))
-    return root * (factor * (1.0 / (2.0 * math.pi * sigma * sigma))) * root
+    # Where no facet is that steep, a factor without bounds must not be multiplied with their number.
+    return where(root > 0.0, root * (factor * (1.0 / (2.0 * math.pi * sigma * sigma))) * root, 0.0)
 
 
 def normal_density(slope: Value, sigma: Value) -> Value:

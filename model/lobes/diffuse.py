@@ -7,8 +7,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal
 
-from scipy.special import erfcx
-
 from model.evaluation import Form
 from model.geometry import Angles, facet
 from model.kernel.expression import Value, maximum, minimum
@@ -118,6 +116,8 @@ def exact_averages(sigma: float) -> tuple[tuple[float, float], tuple[float, floa
             lost -= term
             d_lost -= 2.0 * order * term / m
     else:
+        from scipy.special import erfcx  # takes longer to load than all of the model
+
         x = 1.0 / m
         scaled_tail = float(erfcx(x))
         lost = 1.0 - math.sqrt(math.pi) * x * scaled_tail
