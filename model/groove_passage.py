@@ -87,15 +87,11 @@ def passages(bounces: int, plane: GroovePlane, sigma: Value, asymmetry: Value) -
     asymmetry : Value
         a, at least 0 and below 1; the number 0 for symmetric grooves.
     """
-    if bounces % 2:
-        half_angle, complement = plane.half_sum, plane.half_sum_complement
-        first_side: Value = 1.0
-    else:
-        half_angle, complement = abs(plane.half_difference), plane.half_difference_complement
-        first_side = where(plane.half_difference < 0.0, -1.0, 1.0)
+    lean = plane.half_sum if bounces % 2 else plane.half_difference
+    first_side: Value = 1.0 if bounces % 2 else plane.leaning
     signs, copies = skews(asymmetry)
     common = copies * plane.length * plane.inverse_rho / (2.0 * plane.cos_incidence * plane.cos_exit)
-    for side in sides(half_angle, complement):
+    for side in sides(lean):
         facing = first_side if side.steep else -first_side
         for skew in signs:
             grooves = solve(bounces, side, skew)

@@ -17,6 +17,16 @@ _MIRROR = 1e-150
 
 
 @dataclass(frozen=True)
+class Angle:
+    """An angle from 0 to pi/2, its complement to pi/2, and its sine and cosine, all to full relative precision."""
+
+    radians: Value
+    complement: Value
+    sin: Value
+    cos: Value
+
+
+@dataclass(frozen=True)
 class GroovePlane:
     """Directions in the (s, n) plane.
 
@@ -26,10 +36,10 @@ class GroovePlane:
         Cosines of the macro angles.
     inverse_rho : Value
         1/ρ, ρ the length of the horizontal part of i + r; 1 in the mirror direction, where ρ is 0.
-    half_sum, half_difference : Value
-        (T_i + T_r)/2, from 0 to pi/2, and (T_i - T_r)/2, from -pi/2 to pi/2, in radians.
-    half_sum_complement, half_difference_complement : Value
-        pi/2 less the size of each, to full relative precision.
+    half_sum, half_difference : Angle
+        H = (T_i + T_r)/2 and |D| = |T_i - T_r|/2, both from 0 to pi/2.
+    leaning : Value
+        -1 where T_i is the smaller of the two angles, otherwise +1: the sign of D.
     length, axial : Value
         Length of i in the plane, the same as that of r, and its component along the grooves.
     cos_first, sin_first : Value
@@ -46,10 +56,9 @@ class GroovePlane:
     cos_incidence: Value
     cos_exit: Value
     inverse_rho: Value
-    half_sum: Value
-    half_sum_complement: Value
-    half_difference: Value
-    half_difference_complement: Value
+    half_sum: Angle
+    half_difference: Angle
+    leaning: Value
     length: Value
     axial: Value
     cos_first: Value
@@ -75,8 +84,8 @@ def groove_plane(at: Angles) -> GroovePlane:
     # In the plane i + r and i - r are 2 l cos D and 2 l sin D long and at right angles, so that
     # tan H = rho/(cos ti + cos tr), and (i - r)·(i + r) = 0 gives tan D without subtracting two vectors.
     cross = at.sin_difference * (sin_i * cos_r + cos_i * sin_r) * inverse_rho
-    half_difference = atan2(cross, sum_z)
-    length = sqrt((rho * rho + sum_z * sum_z) * (sum_z * sum_z + cross * cross)) / (2.0 * sum_z)
+    half_sum, half_difference = _angle(rho, sum_z), _angle(abs(cross), sum_z)
+    length = sum_z / (2.0 * half_sum.cos * half_difference.cos)
 
     # x-axes are across the macro planes of incidence, s_r and k_r are s seen from the exit azimuth.
     s_r, k_r = at.cos_azimuth * s_x + at.sin_azimuth * s_y, at.cos_azimuth * s_y - at.sin_azimuth * s_x
@@ -87,10 +96,9 @@ def groove_plane(at: Angles) -> GroovePlane:
         cos_incidence=cos_i,
         cos_exit=cos_r,
         inverse_rho=inverse_rho,
-        half_sum=atan2(rho, sum_z),
-        half_sum_complement=atan2(sum_z, rho),
+        half_sum=half_sum,
         half_difference=half_difference,
-        half_difference_complement=atan2(sum_z, abs(cross)),
+        leaning=where(cross < 0.0, -1.0, 1.0),
         length=length,
         axial=sin_i * s_y,
         cos_first=cos_i * in_plane,
@@ -100,3 +108,8 @@ def groove_plane(at: Angles) -> GroovePlane:
         incoming=rotation(across, s_x, inverse2),
         outgoing=rotation(outgoing, s_r, 1.0 / (outgoing * outgoing + s_r * s_r)),
     )
+
+
+def _angle(opposite: Value, adjacent: Value) -> Angle:
+    inverse = 1.0 / sqrt(opposite * opposite + adjacent * adjacent)
+    return Angle(atan2(opposite, adjacent), atan2(adjacent, opposite), opposite * inverse, adjacent * inverse)

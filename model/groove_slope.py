@@ -15,33 +15,32 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+from model.groove_plane import Angle
 from model.kernel.expression import Value, atan2, cos, guarded, sin, sqrt, where
 
-# Steps of fourth order: so many for all, so many more where the last one still moved by more than this.
-_STEPS, _MORE_STEPS = 2, 4
+# Two steps of fourth order for all, so many more where the second one still moved by more than this.
+_MORE_STEPS = 4
 _SETTLED = 1e-4
 _SERIES = 0.25
 
 
 @dataclass(frozen=True)
 class Side:
-    """The grooves whose first wall is on one side of i: their total angle c to the verticals, and its complement.
+    """The grooves whose first wall is on one side of i: their total angle c to the verticals.
 
     Attributes
     ----------
     total : Value
         c in radians, above 0 and below pi.
-    signed : Value
-        pi/2 - c.
-    near : Value
-        The smaller of c and pi - c, to full relative precision.
+    sin, cos : Value
+        Of c, to full relative precision.
     steep : bool
         Whether c is at most pi/2.
     """
 
     total: Value
-    signed: Value
-    near: Value
+    sin: Value
+    cos: Value
     steep: bool
 
 
@@ -51,6 +50,8 @@ class Grooves:
 
     Attributes
     ----------
+    sin_half, cos_half : Value
+        Sine and cosine of γ/2, half the opening.
     slope : Value
         Mean slope t.
     first, second : Value
@@ -59,6 +60,8 @@ class Grooves:
         The same over t: 1 ± a and 1 ∓ a.
     """
 
+    sin_half: Value
+    cos_half: Value
     slope: Value
     first: Value
     second: Value
@@ -71,17 +74,17 @@ class Grooves:
         return _is_symmetric(self.relative_first - self.relative_second)
 
 
-def sides(half_angle: Value, complement: Value) -> tuple[Side, Side]:
+def sides(lean: Angle) -> tuple[Side, Side]:
     """Both sides of the groove, the one of steeper grooves first.
 
     Parameters
     ----------
-    half_angle, complement : Value
-        H for odd, |D| for even numbers of bounces, and pi/2 less it, both to full relative precision.
+    lean : Angle
+        H for odd, |D| for even numbers of bounces.
     """
     return (
-        Side(total=complement, signed=half_angle, near=complement, steep=True),
-        Side(total=math.pi - complement, signed=-half_angle, near=complement, steep=False),
+        Side(total=lean.complement, sin=lean.cos, cos=lean.sin, steep=True),
+        Side(total=math.pi - lean.complement, sin=lean.cos, cos=-lean.sin, steep=False),
     )
 
 
@@ -98,16 +101,21 @@ def solve(bounces: int, side: Side, skew: Value) -> Grooves:
         +a where the first wall is the steeper one, -a where it is the flatter one, the number 0 in symmetric grooves.
     """
     if bounces == 2:
-        # γ = pi/2 -+ |D|: near pi the sine, near pi/2 the cosine has more digits than γ.
-        sine, cosine = sin(side.near), sin(side.signed)
+        # γ is c, of which sine and cosine have more digits near pi and pi/2 than c itself.
+        larger = sqrt((1.0 + abs(side.cos)) * 0.5)
+        smaller = side.sin / (2.0 * larger)
+        sin_half, cos_half = (smaller, larger) if side.steep else (larger, smaller)
+        sine, cosine = side.sin, side.cos
     else:
-        opening = side.total * (2.0 / bounces)
+        half_opening = side.total * (1.0 / bounces)
         if bounces % 2 and not _is_symmetric(skew):
-            opening = _kepler(bounces, opening, skew)
-        sine, cosine = sin(opening), cos(opening)
-    slope = slope_of_opening(sine, cosine, skew)
+            half_opening = _kepler(bounces, 2.0 * half_opening, skew) * 0.5
+        sin_half, cos_half = sin(half_opening), cos(half_opening)
+        sine, cosine = 2.0 * sin_half * cos_half, (cos_half - sin_half) * (cos_half + sin_half)
+    symmetric = _is_symmetric(skew)
+    slope = cos_half / sin_half if symmetric else slope_of_opening(sine, cosine, skew)
     first, second = 1.0 + skew, 1.0 - skew
-    return Grooves(slope, first * slope, second * slope, first, second)
+    return Grooves(sin_half, cos_half, slope, first * slope, second * slope, first, second)
 
 
 def slope_of_opening(sine: Value, cosine: Value, asymmetry: Value) -> Value:
@@ -121,8 +129,7 @@ def slope_of_opening(sine: Value, cosine: Value, asymmetry: Value) -> Value:
         a, of either sign.
     """
     both = (1.0 - asymmetry) * (1.0 + asymmetry)
-    length: Value = 1.0 if _is_symmetric(asymmetry) else sqrt(cosine * cosine + both * (sine * sine))
-    root = length + abs(cosine)
+    root = sqrt(cosine * cosine + both * (sine * sine)) + abs(cosine)
     # The two forms of the root of a quadratic: each adds numbers of one sign.
     return where(cosine >= 0.0, root, sine) / where(cosine >= 0.0, both * sine, root)
 
@@ -133,10 +140,9 @@ def _is_symmetric(skew: Value) -> bool:
 
 def _kepler(bounces: int, start: Value, skew: Value) -> Value:
     # The slope stays between k - a and k + a, so that a step cannot leave the root further away than it was.
-    opening = start
-    for _ in range(_STEPS):
-        step, unsettled = _step(bounces, opening, start, skew)
-        opening = opening - step
+    opening = start - _first_step(bounces, start, skew)
+    step, unsettled = _step(bounces, opening, start, skew)
+    opening = opening - step
     return opening - guarded(unsettled, _more_steps(bounces, opening, start, skew))
 
 
@@ -147,18 +153,33 @@ def _more_steps(bounces: int, opening: Value, start: Value, skew: Value) -> Valu
     return total
 
 
+def _first_step(bounces: int, start: Value, skew: Value) -> Value:
+    # asin x and 1/sqrt(1 - x²) as series in x = a sin γ: enough to begin with, even where they hardly converge.
+    x = skew * sin(start)
+    x2 = x * x
+    delta = x * (1.0 + x2 * (1 / 6 + x2 * (3 / 40 + x2 * (15 / 336 + x2 * (105 / 3456)))))
+    inverse = 1.0 + x2 * (1 / 2 + x2 * (3 / 8 + x2 * (5 / 16 + x2 * (35 / 128))))
+    return _improved(bounces, -delta, x, skew * cos(start), inverse, skew)[0]
+
+
 def _step(bounces: int, opening: Value, start: Value, skew: Value) -> tuple[Value, Value]:
+    x, tilted = skew * sin(opening), cos(opening)
+    cos_delta = sqrt(tilted * tilted + (1.0 - skew) * (1.0 + skew) * (sin(opening) * sin(opening)))
+    excess = bounces * (opening - start) - atan2(x, cos_delta)
+    step, size = _improved(bounces, excess, x, skew * tilted, 1.0 / cos_delta, skew)
+    return step, size > _SETTLED
+
+
+def _improved(
+    bounces: int, excess: Value, a_sin: Value, a_cos: Value, inverse: Value, skew: Value
+) -> tuple[Value, Value]:
     # Newton's step h, improved to fourth order by the inverse series of the equation, h + A h² + (2 A² - B) h³.
-    sine, cosine = sin(opening), cos(opening)
-    tilted, both = skew * sine, (1.0 - skew) * (1.0 + skew)
-    cos_delta = sqrt(cosine * cosine + both * (sine * sine))
-    inverse = 1.0 / cos_delta
-    bend = both * inverse * inverse * tilted * inverse
-    slope = 1.0 / (bounces - skew * cosine * inverse)
-    newton = (bounces * (opening - start) - atan2(tilted, cos_delta)) * slope
-    second = 0.5 * bend * slope
-    third = both * skew * cosine * (1.0 + 2.0 * tilted * tilted) * inverse * (inverse * inverse) * (inverse * inverse)
-    improved = newton * (1.0 + newton * (second + newton * (2.0 * second * second - third * slope * (1.0 / 6.0))))
+    slope = 1.0 / (bounces - a_cos * inverse)
+    newton = excess * slope
+    bend = (1.0 - skew) * (1.0 + skew) * (inverse * inverse) * inverse
+    second = 0.5 * bend * a_sin * slope
+    third = (1.0 / 6.0) * bend * a_cos * (1.0 + 2.0 * a_sin * a_sin) * (inverse * inverse) * slope
+    improved = newton * (1.0 + newton * (second + newton * (2.0 * second * second - third)))
     # Where grooves are all but one-sided the equation has a kink, across which the series means nothing.
     size = abs(newton) * (1.0 + abs(second))
-    return where(size < _SERIES, improved, newton), size > _SETTLED
+    return where(size < _SERIES, improved, newton), size

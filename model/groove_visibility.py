@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from model.groove_plane import GroovePlane
 from model.groove_slope import Grooves, Side
-from model.kernel.expression import Value, atan2, cos, maximum, minimum, sin, sqrt
+from model.kernel.expression import Value, maximum, minimum, sqrt
 
 
 def visible(bounces: int, plane: GroovePlane, side: Side, facing: Value, grooves: Grooves) -> Value:
@@ -42,57 +42,78 @@ def visible(bounces: int, plane: GroovePlane, side: Side, facing: Value, grooves
 
 def _symmetric(bounces: int, plane: GroovePlane, side: Side, grooves: Grooves) -> list[Value]:
     # Of all spokes the last one, and of those not met the first, on the side the ray leans to, decide.
-    length = _secant(grooves.slope) / 2.0
-    off_axis = abs(plane.half_difference) if bounces % 2 else plane.half_sum
-    spare = side.total / bounces - off_axis
-    last = side.near / 2.0 - off_axis if _is_flat(bounces, side) else spare + side.signed
-    return [length * sin(last), 2.0 * length * sin(side.near) * sin(spare)]
+    off_axis = plane.half_difference if bounces % 2 else plane.half_sum
+    sin_spare = grooves.sin_half * off_axis.cos - grooves.cos_half * off_axis.sin
+    if _is_flat(bounces, side):
+        sin_last = grooves.cos_half * off_axis.cos - grooves.sin_half * off_axis.sin
+    else:
+        cos_spare = grooves.cos_half * off_axis.cos + grooves.sin_half * off_axis.sin
+        sin_last = sin_spare * side.sin + cos_spare * side.cos
+    length = 0.5 / grooves.sin_half
+    return [length * sin_last, 2.0 * length * side.sin * sin_spare]
 
 
 def _even(bounces: int, plane: GroovePlane, side: Side, facing: Value, grooves: Grooves) -> list[Value]:
     # Spokes 1 and k decide; spoke k - 1 can only where k already hides all, for |δ| < γ.
-    off_axis = facing * plane.half_sum
+    sin_off, cos_off = facing * plane.half_sum.sin, plane.half_sum.cos
     length1, length2 = _lengths(grooves)
-    kappa1, kappa2 = atan2(1.0, grooves.first), atan2(1.0, grooves.second)
+    (sin1, cos1), (sin2, cos2) = _walls(grooves)
     if _is_flat(bounces, side):
         # κ1 + pi/2 - c is α2 here: both may be tiny.
-        last1, last2 = atan2(grooves.second, 1.0), atan2(grooves.first, 1.0)
+        sin_last1, cos_last1, sin_last2, cos_last2 = cos2, sin2, cos1, sin1
     else:
-        last1, last2 = kappa1 + side.signed, kappa2 + side.signed
-    sin_total = sin(side.near)
+        sin_last1, cos_last1 = sin1 * side.sin + cos1 * side.cos, cos1 * side.sin - sin1 * side.cos
+        sin_last2, cos_last2 = sin2 * side.sin + cos2 * side.cos, cos2 * side.sin - sin2 * side.cos
     return [
-        length1 * sin(last1 + off_axis),
-        length2 * sin(last2 - off_axis),
-        2.0 * length1 * sin_total * sin(kappa1 + off_axis),
-        2.0 * length2 * sin_total * sin(kappa2 - off_axis),
+        length1 * (sin_last1 * cos_off + cos_last1 * sin_off),
+        length2 * (sin_last2 * cos_off - cos_last2 * sin_off),
+        2.0 * length1 * side.sin * (sin1 * cos_off + cos1 * sin_off),
+        2.0 * length2 * side.sin * (sin2 * cos_off - cos2 * sin_off),
         plane.cos_lower,
     ]
 
 
 def _odd(plane: GroovePlane, side: Side, grooves: Grooves) -> list[Value]:
     # On the side the ray leans to, spoke k or the perhaps shorter k - 1 decides, against spoke 0.
+    off_axis = plane.half_difference
     length1, length2 = _lengths(grooves)
     sum_of_lengths = length1 + length2
     difference = (grooves.relative_second - grooves.relative_first) / 2.0 / sum_of_lengths
-    kappa1, kappa2 = atan2(1.0, grooves.first), atan2(1.0, grooves.second)
-    off_axis, opening = abs(plane.half_difference), kappa1 + kappa2
-    middle, whole, last = (
-        opening / 2.0 - off_axis,
-        side.total + (kappa2 - kappa1) / 2.0,
-        kappa1 + side.signed - off_axis,
-    )
+    (sin1, cos1), _ = _walls(grooves)
+    sin_opening = 2.0 * grooves.sin_half * grooves.cos_half
+    cos_opening = (grooves.cos_half - grooves.sin_half) * (grooves.cos_half + grooves.sin_half)
+    sin_middle = grooves.sin_half * off_axis.cos - grooves.cos_half * off_axis.sin
+    cos_middle = grooves.cos_half * off_axis.cos + grooves.sin_half * off_axis.sin
+    # δ/2, half the walls' difference, from sin δ = a sin γ.
+    sin_delta = (grooves.relative_first - grooves.relative_second) * 0.5 * sin_opening
+    both = grooves.relative_first * grooves.relative_second
+    cos_delta = sqrt(cos_opening * cos_opening + both * (sin_opening * sin_opening))
+    cos_half_delta = sqrt((1.0 + cos_delta) * 0.5)
+    sin_half_delta = sin_delta / (2.0 * cos_half_delta)
+    sin_whole = side.sin * cos_half_delta + side.cos * sin_half_delta
+    cos_whole = side.cos * cos_half_delta - side.sin * sin_half_delta
+    sin_tilt, cos_tilt = sin1 * side.sin + cos1 * side.cos, cos1 * side.sin - sin1 * side.cos
+    sin_last = sin_tilt * off_axis.cos - cos_tilt * off_axis.sin
+    cos_last = cos_tilt * off_axis.cos + sin_tilt * off_axis.sin
+    sin_spare = sin_opening * off_axis.cos - cos_opening * off_axis.sin
     return [
-        length1 * sin(last),
-        length2 * sin(last + opening),
-        sum_of_lengths * sin(middle) * sin(whole) + difference * cos(middle) * cos(whole),
-        2.0 * length2 * sin(opening - off_axis) * sin(side.total - kappa1),
+        length1 * sin_last,
+        length2 * (sin_last * cos_opening + cos_last * sin_opening),
+        sum_of_lengths * sin_middle * sin_whole + difference * cos_middle * cos_whole,
+        2.0 * length2 * sin_spare * (side.sin * cos1 - side.cos * sin1),
     ]
+
+
+def _walls(grooves: Grooves) -> tuple[tuple[Value, Value], tuple[Value, Value]]:
+    # Sine and cosine of κ1 and κ2, the walls' angles against the vertical.
+    sin1, sin2 = 1.0 / _secant(grooves.first), 1.0 / _secant(grooves.second)
+    return (sin1, grooves.first * sin1), (sin2, grooves.second * sin2)
 
 
 def _lengths(grooves: Grooves) -> tuple[Value, Value]:
     return (
-        grooves.relative_second * _secant(grooves.first) / 2.0,
-        grooves.relative_first * _secant(grooves.second) / 2.0,
+        grooves.relative_second * _secant(grooves.first) * 0.5,
+        grooves.relative_first * _secant(grooves.second) * 0.5,
     )
 
 

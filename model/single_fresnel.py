@@ -43,8 +43,8 @@ def single_fresnel_mueller(at: Angles, bounces: int, sigma: Value, n: Value, k: 
 def _visible_share(at: Angles, bounces: int) -> Value:
     # p_j/p_1 is cos(D + (j - 1) γ)/cos D with γ = pi - 2 H, as long as that angle is below pi/2.
     plane = groove_plane(at)
-    lean, half_opening = plane.half_difference, plane.half_sum_complement
-    last = lean + 2.0 * bounces * half_opening
-    met = where(last < math.pi / 2.0, minimum(cos(lean), cos(last)), 0.0)
-    shadow = -cos(lean + 2.0 * plane.half_sum)
-    return maximum(1.0 - maximum(met, shadow, 0.0) / cos(lean), 0.0)
+    lean = plane.leaning * plane.half_difference.radians
+    last = lean + 2.0 * bounces * plane.half_sum.complement
+    met = where(last < math.pi / 2.0, minimum(plane.half_difference.cos, cos(last)), 0.0)
+    shadow = -cos(lean + 2.0 * plane.half_sum.radians)
+    return maximum(1.0 - maximum(met, shadow, 0.0) / plane.half_difference.cos, 0.0)

@@ -11,7 +11,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 
-from model.bounce_bound import bounces_for
 from model.vgroove import bounce_mueller, bounce_stokes
 
 TABLE = Path(__file__).parent.parent / "golden" / "vgroove_bounces.csv"
@@ -58,14 +57,28 @@ def test_agrees_with_the_reference_to_rounding() -> None:
         assert_allclose(computed, expected, rtol=0.0, atol=tolerance, err_msg=str(row))
 
 
-@pytest.mark.parametrize("a", [0.0, 0.3, 0.9, 0.999999])
-@pytest.mark.parametrize("k", [1, 2, 3, 4, 5, 8])
-def test_reciprocity(k: int, a: float) -> None:
-    ti, tr, phi = directions(5000)
+def assert_reciprocal(k: int, a: float, at: tuple[np.ndarray, np.ndarray, np.ndarray]) -> None:
+    """F(r, i) is F(i, r) transposed, with S3 and what comes of it reversed."""
+    ti, tr, phi = at
     there = bounce_mueller(k, ti, tr, phi, sigma=0.7, asymmetry=a, index=IRON)
     back = bounce_mueller(k, tr, ti, phi, sigma=0.7, asymmetry=a, index=IRON)
     excess = np.abs(REVERSAL @ np.swapaxes(back, -1, -2) @ REVERSAL - there).max(axis=(-1, -2))
-    assert (excess <= 1e-13 * there[:, 0, 0] + 1e-300).all()
+    assert (excess <= 3e-14 * there[:, 0, 0] + 1e-300).all()
+    if k == 1:
+        assert_allclose(back[:, 0, 0], there[:, 0, 0], rtol=1.5e-15, atol=1e-300)
+
+
+@pytest.mark.parametrize("a", [0.0, 0.3, 0.9, 0.999999])
+@pytest.mark.parametrize("k", [1, 2, 3, 4, 5, 8])
+def test_reciprocity(k: int, a: float) -> None:
+    assert_reciprocal(k, a, directions(5000))
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("a", [0.0, *np.random.default_rng(6).uniform(0.0, 1.0, 6)])
+@pytest.mark.parametrize("k", [1, 2, 3, 4])
+def test_reciprocity_at_a_hundred_thousand_pairs(k: int, a: float) -> None:
+    assert_reciprocal(k, float(a), directions(100_000, seed=7))
 
 
 @pytest.mark.parametrize("a", [0.0, 0.3, 0.999])
@@ -76,35 +89,6 @@ def test_mirror_symmetry(k: int, a: float) -> None:
     one_side, other_side = evaluate(phi), evaluate(-phi)
     excess = np.abs(MIRROR @ other_side @ MIRROR - one_side).max(axis=(-1, -2))
     assert (excess <= 1e-13 * one_side[:, 0, 0] + 1e-300).all()
-
-
-@pytest.mark.parametrize(
-    ("incidence_deg", "sigma", "a"),
-    [(0.0, 0.3, 0.0), (30.0, 0.3, 0.5), (60.0, 1.0, 0.0), (60.0, 0.5, 0.9), (20.0, 2.0, 0.4), (75.0, 0.3, 0.2)],
-)
-def test_white_furnace(incidence_deg: float, sigma: float, a: float) -> None:
-    # Polar coordinates (rho, psi) of the horizontal part of i + r: rho d rho takes the caustic away, and
-    # rho = top (1 - (1 - v)²) the square root at the horizon.
-    incidence, panels = np.radians(incidence_deg), 100
-    node, weight = np.polynomial.legendre.leggauss(6)
-    v = ((np.arange(panels)[:, None] + (node + 1.0) / 2.0) / panels).ravel()
-    step = np.tile(weight / (2.0 * panels), panels)
-    psi = (np.arange(150)[:, None] + 0.5) / 150 * np.pi
-    along = np.sin(incidence) * np.cos(psi)
-    top = along + np.sqrt(along**2 + np.cos(incidence) ** 2)
-    rho = top * v * (2.0 - v)
-    x, y = rho * np.cos(psi) - np.sin(incidence), rho * np.sin(psi)
-    area = rho * top * 2.0 * (1.0 - v) * step * 2.0 * np.pi / 150
-    total = sum(
-        (
-            bounce_stokes(
-                k, incidence, np.arcsin(np.hypot(x, y)), np.arctan2(y, x), sigma=sigma, asymmetry=a, index=PERFECT
-            )[..., 0]
-            * area
-        ).sum()
-        for k in range(1, bounces_for(1e-7, sigma, a) + 1)
-    )
-    assert_allclose(total, 1.0, rtol=0.0, atol=1e-6)
 
 
 @settings(max_examples=400, deadline=None)
@@ -216,7 +200,7 @@ class TestHardCases:
 def test_narrow_grooves_keep_their_digits(k: int, from_horizon: float, phi: float) -> None:
     # Δp is about 1e-6 of the walls here: a difference of two p would keep ten digits of it.
     power = [
-        bounce_stokes(k, HORIZON - 1e-6, HORIZON - from_horizon, phi, sigma=1e6, asymmetry=a, index=PERFECT)[0]
+        bounce_stokes(k, HORIZON - 1e-6, HORIZON - from_horizon, phi, sigma=1e5, asymmetry=a, index=PERFECT)[0]
         for a in (0.0, 1e-13)
     ]
     assert power[0] > 0.0
@@ -241,11 +225,13 @@ def test_stays_physical_where_two_walls_nearly_extinguish_the_light() -> None:
 
 @pytest.mark.parametrize("a", [0.1, 0.5, 0.9, 0.999, 1.0 - 1e-6, 1.0 - 1e-12, 1.0 - 2.0**-53])
 def test_the_groove_is_found_everywhere(a: float) -> None:
-    # An opening that is not settled gives two slopes for one groove, and reciprocity is lost.
+    # The light found must come back: an opening that is not settled is another one for the way back.
     ti, tr, phi = directions(20_000, seed=1)
     tr = np.where(phi > 5.0, ti, tr)
     for k in (3, 5, 7, 21):
-        assert np.isfinite(bounce_stokes(k, ti, tr, phi, sigma=1.0, asymmetry=a, index=GLASS)).all()
+        there = bounce_stokes(k, ti, tr, phi, sigma=1.0, asymmetry=a, index=GLASS)[:, 0]
+        back = bounce_stokes(k, tr, ti, phi, sigma=1.0, asymmetry=a, index=GLASS)[:, 0]
+        assert_allclose(there, back, rtol=1e-11, atol=1e-200)
 
 
 @pytest.mark.parametrize(

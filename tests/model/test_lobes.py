@@ -11,6 +11,8 @@ from model.mueller import depolarizer
 from model.stokes import dolp
 from model.surface import Surface
 
+IRON = 2.95 + 2.932j
+
 
 def masking(ti: float, tr: float, phi: float) -> float:
     """G = min(1, 2 cos theta_h cos ti/cos beta, the same with tr), from vectors."""
@@ -32,9 +34,7 @@ def test_the_diffuse_lobe_is_eq_8() -> None:
 def test_facets_make_the_diffuse_lobe_brighter_towards_the_source() -> None:
     # phi is counted between source and detector: cos phi > 0 is the source side, where Lambertian facets face both.
     surface = Surface([Diffuse(1.0, 0.4)])
-    towards_source, towards_mirror = (
-        surface.stokes(1.0, 1.0, phi)[0] / masking(1.0, 1.0, phi) for phi in (0.0, np.pi)
-    )
+    towards_source, towards_mirror = (surface.stokes(1.0, 1.0, phi)[0] / masking(1.0, 1.0, phi) for phi in (0.0, np.pi))
     assert towards_source > towards_mirror
 
 
@@ -55,6 +55,29 @@ def test_the_directional_lobe_is_eq_10() -> None:
     w = np.sqrt(1.5**2 - 1.0 + c**2)
     mean_reflectance = (((c - w) / (c + w)) ** 2 + ((1.5**2 * c - w) / (1.5**2 * c + w)) ** 2) / 2.0
     assert_allclose(f[0, 0], size * mean_reflectance, rtol=1e-13)
+
+
+def test_the_smooth_exponent_has_the_tangent_squared() -> None:
+    sigma, tr = 0.4, np.array([0.0, 1e-3, 0.2, 0.5])
+    printed, smooth = (Surface([Directional(0.05, sigma, 1.5 + 0j, p)]).stokes(0.6, tr, np.pi)[:, 0] for p in (1, 2))
+    ratio = np.exp(-2.0 * (np.tan(tr) ** 2 - np.tan(tr)) / sigma**2)
+    assert_allclose(smooth / printed, ratio, rtol=1e-13)
+    # Towards the normal the one has a cusp, the other a flat top.
+    slopes = [
+        Surface([Directional(0.05, sigma, IRON, exponent)]).stokes(0.0, 1e-6, 0.0)[0]
+        / Surface([Directional(0.05, sigma, IRON, exponent)]).stokes(0.0, 0.0, 0.0)[0]
+        - 1.0
+        for exponent in (1, 2)
+    ]
+    assert_allclose(slopes, [-2e-6 / sigma**2, 0.0], atol=1e-10)
+
+
+@pytest.mark.parametrize(("exponent", "half_width"), [(1, 0.4**2 / 2.0), (2, 0.4 / np.sqrt(2.0))])
+def test_the_directional_lobe_falls_to_one_e_th_where_it_says(exponent: int, half_width: float) -> None:
+    lobe = Directional(1.0, 0.4, 1e-6 + 1e6j, exponent)
+    top, side = Surface([lobe]).stokes(0.0, [0.0, np.arctan(half_width)], 1.0)[:, 0]
+    assert_allclose(side / top, np.exp(-1.0), rtol=1e-5)  # the reflectance varies with 1e-6
+    assert f"{np.degrees(np.arctan(half_width)):.2g}°" in lobe.describe()
 
 
 def test_lobes_add_up() -> None:
@@ -101,6 +124,8 @@ def test_describe_says_what_is_in_and_what_is_left_out() -> None:
         (lambda: Directional(np.inf, 0.2, 1.5 + 0j), "rho_dd is inf"),
         (lambda: Specular(0.1, 0.0, 1.5 + 0j), "sigma is 0.0"),
         (lambda: Specular(0.1, 0.2, 0j), "n above 0"),
+        (lambda: Directional(0.1, 0.2, 1.5 + 0j, 3), r"exponent is 3; it is 1 \(printed\) or 2 \(smooth\)"),
+        (lambda: Diffuse(0.1, 0.2, "right"), "averages is 'right'; they are printed or exact"),
         (lambda: Surface([]), "at least one lobe"),
         (lambda: Surface([Diffuse(1.0, 0.2)]).mueller(-0.1, 0.0, 0.0), r"incidence_rad holds -0.1 rad.*0 to pi/2"),
         (lambda: Surface([Diffuse(1.0, 0.2)]).stokes(0.1, [0.5, 60.0], 0.0), r"exit_rad holds 60 rad.*0 to pi/2"),
