@@ -8,7 +8,7 @@ PYTHON ?= python3
 BIN := .venv/bin
 endif
 
-.PHONY: demo test long interop bench lint format clean
+.PHONY: demo test long interop bench bench-model lint format clean
 
 demo: .venv/installed
 	$(BIN)/goniometer run recipes/iron_60deg.yaml --speed 20
@@ -24,6 +24,9 @@ interop: .venv/installed .venv-interop/installed
 
 bench: .venv/installed .venv-bench/installed
 	$(BIN)/python benchmarks/scan.py
+
+bench-model: .venv/installed .venv-bench/installed
+	$(BIN)/python benchmarks/model_cost.py --plot docs/model_cost.png
 
 lint: .venv/installed
 	$(BIN)/ruff check .

@@ -23,9 +23,10 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+from directions import DIRECTION_SETS
+from interleaved import ONE_CORE, seconds
 
 SIGMA, INDEX, WEIGHTS = 0.2, 2.950 + 2.932j, (1.0, 0.1, 0.1)  # iron at 550 nm; rho_s, rho_d, rho_dd
-INCIDENCE_RAD, LARGEST_EXIT_RAD = np.radians(60.0), np.radians(85.0)
 SHORTEST_REPEAT_S, REPEATS = 0.02, 15
 TINY = 1e-300
 ENVIRONMENT = Path(sys.prefix)
@@ -241,22 +242,10 @@ PEERS = {
 }
 
 
-def directions(count):
-    """Incidence at 60°, random exit angles and azimuths, in radians."""
-    random = np.random.default_rng(1)
-    exit_, azimuth = random.uniform(0.0, LARGEST_EXIT_RAD, count), random.uniform(0.0, 2.0 * np.pi, count)
-    return np.full(count, INCIDENCE_RAD), exit_, azimuth
-
-
-def seconds(function):
-    start = time.perf_counter()
-    function()
-    return time.perf_counter() - start
-
-
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("peer", choices=PEERS)
+    parser.add_argument("--set", choices=DIRECTION_SETS, default="random")
     parser.add_argument("--directions", type=int, default=100_000)
     parser.add_argument("--cores", type=int, default=1)
     arguments = parser.parse_args()
@@ -265,18 +254,23 @@ def main():
     os.environ.update(SETTINGS)
     if LLVM.exists():
         os.environ.setdefault("DRJIT_LIBLLVM_PATH", str(LLVM))
-    peer, angles = PEERS[arguments.peer], directions(arguments.directions)
+    peer = PEERS[arguments.peer]
+    angles = [angle.ravel() for angle in np.broadcast_arrays(*DIRECTION_SETS[arguments.set](arguments.directions))]
 
-    import_s = seconds(lambda: importlib.import_module(peer.module))
+    start = time.perf_counter()
+    importlib.import_module(peer.module)
+    import_s = time.perf_counter() - start
     start = time.perf_counter()
     evaluate = peer.build(*angles, arguments.cores)
     evaluate()
     first_call_s = time.perf_counter() - start
-    calls = max(1, round(SHORTEST_REPEAT_S / seconds(evaluate)))
-    repeats = [seconds(lambda: [evaluate() for _ in range(calls)]) / calls for _ in range(REPEATS)]
+    clock = ONE_CORE if arguments.cores == 1 else time.perf_counter
+    calls = max(1, round(SHORTEST_REPEAT_S / seconds(evaluate, 1, clock)))
+    repeats = [seconds(evaluate, calls, clock) / calls for _ in range(REPEATS)]
     figures = {
         "peer": arguments.peer,
         "precision": peer.precision,
+        "set": arguments.set,
         "directions": arguments.directions,
         "cores": arguments.cores,
         "ns_per_direction": round(1e9 * statistics.median(repeats) / arguments.directions, 3),
