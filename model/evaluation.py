@@ -11,7 +11,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from model.domain import require_directions
+from model.domain import require_polar, within_a_few_turns
 from model.geometry import Angles, FloatArray, angles
 from model.kernel.derivative import derivatives
 from model.kernel.elementary import Precision
@@ -23,8 +23,6 @@ from model.matrix import Matrix, applied, total
 Light = Literal["mueller", "stokes", "unpolarized"]
 _DIRECTIONS = ("incidence", "exit", "azimuth")
 _STATE = ("s0", "s1", "s2", "s3")
-# An azimuth beyond it is brought back to one turn first.
-_FAR_RAD = 1e4
 
 
 class Form(NamedTuple):
@@ -128,10 +126,10 @@ def evaluate(
     ValueError
         If an angle is outside its range.
     """
-    require_directions(incidence_rad, exit_rad, azimuth_rad)
+    require_polar(incidence_rad, exit_rad)
     precision = _precision(incidence_rad, exit_rad, azimuth_rad)
     streams = [np.asarray(angle, precision) for angle in (incidence_rad, exit_rad, azimuth_rad)]
-    streams[2] = _within_a_few_turns(streams[2])
+    streams[2] = within_a_few_turns(streams[2])
     names = list(_DIRECTIONS)
     if incoming is not None:
         streams += list(np.moveaxis(np.asarray(incoming, precision), -1, 0))
@@ -163,9 +161,3 @@ def _rounded(number: float, precision: Precision) -> NDArray[np.floating]:
     rounded = np.array([number], precision)
     # An asymmetry below 1 must stay below it.
     return np.nextafter(rounded, rounded.dtype.type(0.0)) if number < 1.0 <= rounded[0] else rounded
-
-
-def _within_a_few_turns(azimuth: NDArray[np.floating]) -> NDArray[np.floating]:
-    if azimuth.size == 0 or (azimuth.max() <= _FAR_RAD and azimuth.min() >= -_FAR_RAD):
-        return azimuth
-    return np.where(np.abs(azimuth) > _FAR_RAD, np.arctan2(np.sin(azimuth), np.cos(azimuth)), azimuth)

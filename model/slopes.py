@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 
-from model.kernel.expression import Value, exp, where
+from model.kernel.expression import Value, damped
 
 # Beyond every surface, and far from where squares overflow.
 _SMALLEST, _LARGEST = 1e-5, 1e5
@@ -26,9 +26,7 @@ def slope_density(slope: Value, sigma: Value, factor: Value = 1.0) -> Value:
         What the density is multiplied with: a large one must not meet a density without digits.
     """
     half = slope * (1.0 / (2.0 * sigma))
-    root = exp(-(half * half))
-    # Where no facet is that steep, a factor without bounds must not be multiplied with their number.
-    return where(root > 0.0, root * (factor * (1.0 / (2.0 * math.pi * sigma * sigma))) * root, 0.0)
+    return damped(factor * (1.0 / (2.0 * math.pi * sigma * sigma)), -(half * half))
 
 
 def normal_density(slope: Value, sigma: Value) -> Value:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 
-from model.kernel.expression import Symbol, Value, cos, guarded, hypot, maximum, reachable, sin, where
+from model.kernel.expression import Symbol, Value, cos, damped, guarded, hypot, maximum, reachable, sin, where
 
 # Below this a square root's slope is taken as that of a straight line: it only ever multiplies a zero.
 _SMALLEST_ROOT = 1e-30
@@ -66,6 +66,8 @@ def _rule(symbol: Symbol, changes: Sequence[Value]) -> Value:
             return -sin(x) * dx
         case "exp":
             return symbol * dx
+        case "damped":
+            return damped(dx, y) + 2.0 * symbol * dy
         case "atan2":
             length = hypot(x, y)  # of the point (y, x): the first argument is its height
             return (y / length) * (dx / length) - (x / length) * (dy / length)

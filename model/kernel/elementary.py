@@ -27,6 +27,8 @@ _LN_2: dict[Precision, tuple[float, float]] = {
 
 # exp rounds to 0 here and below.
 _VANISHING: dict[Precision, float] = {"float64": -746.0, "float32": -104.0}
+# The same of exp(2 x). Single precision ends where its digits do: with fewer of them numbers are slow to compute with.
+_HALF_VANISHING: dict[Precision, float] = {"float64": -373.0, "float32": -43.5}
 # 2 to this power is a normal number, and so is what else exp of the above is to be multiplied by.
 _LEAST_EXPONENT: dict[Precision, float] = {"float64": -1000.0, "float32": -100.0}
 
@@ -137,6 +139,22 @@ def exponential(x: Value, precision: Precision) -> Value:
     mantissa = fma(x, fma(x, _polynomial(x, _EXPONENTIAL[precision]), 1.0), 1.0)
     normal = maximum(doublings, _LEAST_EXPONENT[precision])
     return mantissa * power_of_two(normal) * power_of_two(doublings - normal)
+
+
+def damped_exponential(factor: Value, x: Value, precision: Precision) -> Value:
+    """Product factor · exp(2 x) by halves, exactly 0 where exp(2 x) is.
+
+    Parameters
+    ----------
+    factor : Value
+        Any number, as long as its product with exp(2 x) is in range.
+    x : Value
+        Not above 0.
+    precision : Precision
+        Type in which the arithmetic is done.
+    """
+    root = exponential(x, precision)
+    return where(x > _HALF_VANISHING[precision], root * (factor * root), 0.0)
 
 
 def arctangent2(y: Value, x: Value, precision: Precision) -> Value:

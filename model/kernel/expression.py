@@ -36,6 +36,7 @@ _NUMPY: dict[str, Callable[..., Any]] = {
     "and": np.logical_and,
     "or": np.logical_or,
     "where": np.where,
+    "damped": lambda factor, x: np.exp(x) * (factor * np.exp(x)),
     "guarded": lambda mask, value: np.where(mask, value, 0.0),
 }
 
@@ -162,6 +163,14 @@ def cos(x: Value) -> Value:
 def exp(x: Value) -> Value:
     """Exponential function of what is not above 0."""
     return apply("exp", x)
+
+
+def damped(factor: Value, x: Value) -> Value:
+    """The product factor · exp(2 x), x not above 0; 0 where nothing but an underflow is left of the exponential.
+
+    The exponential is taken by halves: a large factor must not meet one that has lost its digits.
+    """
+    return apply("damped", factor, x)
 
 
 def atan2(y: Value, x: Value) -> Value:

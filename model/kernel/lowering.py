@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from model.kernel.elementary import Precision, arctangent2, exponential, sine_cosine
+from model.kernel.elementary import Precision, arctangent2, damped_exponential, exponential, sine_cosine
 from model.kernel.expression import Symbol, Value, apply, reachable
 
 
@@ -34,6 +34,8 @@ def _lower(symbol: Symbol, arguments: Sequence[Value], precision: Precision) -> 
             return sine_cosine(arguments[0], precision)[1]
         case "exp":
             return exponential(arguments[0], precision)
+        case "damped":
+            return damped_exponential(arguments[0], arguments[1], precision)
         case "atan2":
             return arctangent2(arguments[0], arguments[1], precision)
         case operation:

@@ -12,7 +12,7 @@ from model.evaluation import Form
 from model.fresnel import require_index
 from model.geometry import Angles, facet
 from model.groove_reflectance import facet_mueller
-from model.kernel.expression import Value, exp
+from model.kernel.expression import Value, damped
 from model.lobes.lobe import format_index, require_weight
 from model.matrix import Matrix, scaled
 from model.slopes import require_sigma
@@ -95,5 +95,5 @@ class Directional:
 def _towards_the_normal(at: Angles, numbers: Mapping[str, Value], exponent: int) -> Matrix:
     sigma, slope = numbers["sigma"], at.sin_exit / at.cos_exit
     power = slope * slope if exponent == 2 else slope
-    size = exp(-2.0 * power / (sigma * sigma)) / (math.sqrt(2.0 * math.pi) * sigma)
+    size = damped(1.0 / (math.sqrt(2.0 * math.pi) * sigma), -power * (1.0 / (sigma * sigma)))
     return scaled(facet_mueller(facet(at), numbers["n"], numbers["k"]), numbers["rho_dd"] * size)
