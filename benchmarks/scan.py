@@ -115,7 +115,8 @@ def live_fit_update_ms():
     """Wall milliseconds of each warm refit as the points of a whole scan come in."""
     with tempfile.TemporaryDirectory() as folder:
         stored = goniometer.run(RECIPE, out=folder, speed="max", live_fit=False)
-    family, last, times_ms = surface_family(stored.recipe.fit), None, []
+    acceptance_sr = load_recipe(RECIPE).rig.calibration.acceptance_sr
+    family, last, times_ms = surface_family(stored.recipe.fit, acceptance_sr), None, []
     for count in range(20, len(stored.points) + 1):
         start = time.perf_counter()
         data = stokes_data(stored.points[:count])

@@ -5,7 +5,7 @@ vectors refer to the s-direction of the central ray, projected perpendicular to 
 likewise. Both means are (1/Ω) ∫ F dω; directions below the horizon count as dark.
 
 Straight grooves send light of two and more bounces towards the mirror direction as C(ψ)/ρ, a caustic that the mean
-over a cone makes finite: the quadrature runs along lines through that direction.
+over a cone makes finite: the quadrature runs along lines through that direction. Means are in double precision.
 """
 
 from __future__ import annotations
@@ -21,13 +21,28 @@ from model.cone_quadrature import cones
 from model.domain import require_directions
 from model.geometry import FloatArray, Rotation
 from model.lobes import Lobe
+from model.lobes.lobe import Peak
 from model.mueller import UNPOLARIZED, rotate, rotator
 from model.stokes import require_stokes
-from model.surface import Surface
+from model.surface import Surface, require_parameters
 
 WIDEST_RAD = np.radians(30.0)
 # Directions that are averaged at a time, so that the nodes of many cones need not be in memory at once.
 _AT_ONCE = 2**18
+
+
+@dataclass(frozen=True)
+class _Part:
+    """The lobes that stand about one direction, and how many panels on each line their width calls for."""
+
+    surface: Surface
+    peak: Peak
+    panels: int
+
+
+def _part(lobes: Sequence[Lobe], peak: Peak, widest_rad: float) -> _Part:
+    narrowest = min(widest_rad, *(lobe.width_rad for lobe in lobes))
+    return _Part(Surface(lobes), peak, 1 + math.ceil(math.log2(widest_rad / narrowest)))
 
 
 def half_angle_rad(solid_angle_sr: float) -> float:
@@ -96,10 +111,14 @@ class Acceptance:
         self.detector_half_angle_rad = detector_half_angle_rad
         self.source_half_angle_rad = source_half_angle_rad
         self.nodes = nodes
-        # A lobe narrower than the cone is resolved towards the mirror direction, where it stands.
+        # Lobes narrower than the cone are resolved where they stand.
         widest = max(detector_half_angle_rad, source_half_angle_rad)
-        narrowest = min([widest, *(lobe.numbers["sigma"] for lobe in surface.lobes if "sigma" in lobe.numbers)])
-        self._panels = 1 + math.ceil(math.log2(widest / narrowest))
+        peaks: tuple[Peak, ...] = ("mirror", "normal")
+        self._parts = [
+            _part(lobes, peak, widest)
+            for peak in peaks
+            if (lobes := [lobe for lobe in surface.lobes if lobe.peak == peak])
+        ]
 
     @property
     def lobes(self) -> tuple[Lobe, ...]:
@@ -114,9 +133,9 @@ class Acceptance:
     def mueller(self, incidence_rad: ArrayLike, exit_rad: ArrayLike, azimuth_rad: ArrayLike) -> FloatArray:
         """Mean Mueller matrices (..., 4, 4) in 1/sr; arguments as for `Surface.mueller`, of the central rays."""
 
-        def matrices(at: Rays) -> FloatArray:
+        def matrices(surface: Surface, at: Rays) -> FloatArray:
             lamp = np.swapaxes(rotator(at.from_source), -1, -2)
-            return rotator(at.to_analyzer) @ self.surface.mueller(*at.angles) @ lamp
+            return rotator(at.to_analyzer) @ surface.mueller(*at.angles) @ lamp
 
         return self._mean(matrices, incidence_rad, exit_rad, azimuth_rad)
 
@@ -130,8 +149,8 @@ class Acceptance:
         """Mean Stokes vectors (..., 4) in 1/sr; arguments as for `Surface.stokes`, of the central rays."""
         state = require_stokes(incoming)
 
-        def vectors(at: Rays, arriving: FloatArray) -> FloatArray:
-            return rotate(self.surface.stokes(*at.angles, at.arriving(arriving)), at.to_analyzer)
+        def vectors(surface: Surface, at: Rays, arriving: FloatArray) -> FloatArray:
+            return rotate(surface.stokes(*at.angles, at.arriving(arriving)), at.to_analyzer)
 
         return self._mean(vectors, incidence_rad, exit_rad, azimuth_rad, state)
 
@@ -146,9 +165,15 @@ class Acceptance:
         """Derivatives (..., 4, parameters) of `stokes` by parameters; arguments as for `Surface.jacobian`."""
         state = require_stokes(incoming)
 
-        def slopes(at: Rays, arriving: FloatArray) -> FloatArray:
-            jacobian = self.surface.jacobian(parameters, *at.angles, at.arriving(arriving))
-            return np.moveaxis(rotate(np.moveaxis(jacobian, -1, 0), at.to_analyzer), 0, -1)
+        names = require_parameters(parameters, self.parameters)
+
+        def slopes(surface: Surface, at: Rays, arriving: FloatArray) -> FloatArray:
+            jacobian = np.zeros((len(names), *at.weight.shape, 4))
+            known = [place for place, name in enumerate(names) if name in surface.parameters]
+            if known:
+                slopes = surface.jacobian([names[i] for i in known], *at.angles, at.arriving(arriving))
+                jacobian[known] = np.moveaxis(slopes, -1, 0)
+            return np.moveaxis(rotate(jacobian, at.to_analyzer), 0, -1)
 
         return self._mean(slopes, incidence_rad, exit_rad, azimuth_rad, state)
 
@@ -171,41 +196,52 @@ class Acceptance:
         incoming: FloatArray | None = None,
     ) -> FloatArray:
         require_directions(incidence_rad, exit_rad, azimuth_rad)
-        given = [np.asarray(angle, np.float64) for angle in (incidence_rad, exit_rad, azimuth_rad)]
+        # The single-precision number next to pi/2 is above it.
+        given = [np.minimum(np.asarray(angle, np.float64), np.pi / 2.0) for angle in (incidence_rad, exit_rad)]
+        given.append(np.asarray(azimuth_rad, np.float64))
         states_shape = () if incoming is None else incoming.shape[:-1]
         shape = np.broadcast_shapes(*(angle.shape for angle in given), states_shape)
         flat = [np.broadcast_to(angle, shape).reshape(-1) for angle in given]
         states = incoming
         if incoming is not None and states_shape:
             states = np.broadcast_to(incoming, (*shape, 4)).reshape(-1, 1, 4)
-        means = []
-        step = max(1, _AT_ONCE // self._rays_per_pair)
-        for start in range(0, max(len(flat[0]), 1), step):
-            part = slice(start, start + step)
-            at = self._rays(*(angle[part] for angle in flat))
-            values = evaluate(at) if states is None else evaluate(at, states[part] if states_shape else states)
-            means.append(np.einsum("pn,pn...->p...", at.weight, values))
-        mean = np.concatenate(means)
+        total = sum(self._mean_of_part(part, evaluate, flat, states, not states_shape) for part in self._parts)
+        mean = np.asarray(total)
         return mean.reshape(*shape, *mean.shape[1:])
 
-    @property
-    def _rays_per_pair(self) -> int:
-        cone = 4 * self.nodes**2 * self._panels
-        return cone * cone if self.source_half_angle_rad else cone
+    def _mean_of_part(
+        self,
+        part: _Part,
+        evaluate: Callable[..., FloatArray],
+        directions: Sequence[FloatArray],
+        states: FloatArray | None,
+        one_state: bool,
+    ) -> FloatArray:
+        cone = 4 * self.nodes**2 * part.panels
+        step = max(1, _AT_ONCE // (cone * cone if self.source_half_angle_rad else cone))
+        means = []
+        for start in range(0, max(len(directions[0]), 1), step):
+            some = slice(start, start + step)
+            at = self._rays(part, *(angle[some] for angle in directions))
+            extra = [] if states is None else [states if one_state else states[some]]
+            means.append(np.einsum("pn,pn...->p...", at.weight, evaluate(part.surface, at, *extra)))
+        return np.concatenate(means)
 
-    def _rays(self, incidence: FloatArray, exit_: FloatArray, azimuth: FloatArray) -> Rays:
+    def _rays(self, part: _Part, incidence: FloatArray, exit_: FloatArray, azimuth: FloatArray) -> Rays:
         count = len(incidence)
         lamp_polar, lamp_turn = incidence[:, None], np.zeros((count, 1))
         weight = np.ones((count, 1))
         if self.source_half_angle_rad:
             # Seen from the source the caustic is where the exit direction is mirrored to.
             source = self.source_half_angle_rad
-            lamp = cones(incidence, np.zeros(count), source, exit_, azimuth + np.pi, self.nodes, self._panels)
+            lamp = cones(incidence, np.zeros(count), source, exit_, azimuth + np.pi, self.nodes, part.panels)
             lamp_polar, lamp_turn, weight = lamp.polar_rad, lamp.azimuth_rad, lamp.weight
         sources = lamp_polar.shape[1]
         exits, azimuths = np.repeat(exit_, sources), np.repeat(azimuth, sources)
-        mirrored = lamp_polar.ravel(), lamp_turn.ravel() + np.pi
-        seen = cones(exits, azimuths, self.detector_half_angle_rad, *mirrored, self.nodes, self._panels)
+        pole = lamp_polar.ravel(), lamp_turn.ravel() + np.pi
+        if part.peak == "normal":
+            pole = np.zeros(len(exits)), azimuths
+        seen = cones(exits, azimuths, self.detector_half_angle_rad, *pole, self.nodes, part.panels)
         nodes = seen.polar_rad.shape[1]
         shape = (count, sources * nodes)
         exit_node, azimuth_node = seen.polar_rad.reshape(shape), seen.azimuth_rad.reshape(shape)

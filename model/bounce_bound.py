@@ -13,8 +13,11 @@ import math
 from dataclasses import dataclass
 from itertools import count
 
+from model.domain import require_asymmetry, require_bounces
 from model.groove_slope import slope_of_opening
 from model.slopes import require_sigma
+
+_MOST = 32
 
 
 @dataclass(frozen=True)
@@ -30,7 +33,18 @@ class Tolerance:
     fraction: float
 
     def bounces(self, sigma: float, asymmetry: float = 0.0) -> int:
-        """How many these are; arguments as for `light_beyond`."""
+        """How many these are; arguments as for `light_beyond`.
+
+        Raises
+        ------
+        ValueError
+            If they are more than anyone would want to compute.
+        """
+        if light_beyond(_MOST, sigma, asymmetry) > self.fraction:
+            raise ValueError(
+                f"A tolerance of {self.fraction:g} asks for more than {_MOST} bounces at sigma = {sigma:g} and "
+                f"asymmetry = {asymmetry:g}. Nothing was computed. Allow more light to be left out, or give a number."
+            )
         return bounces_for(self.fraction, sigma, asymmetry)
 
 
@@ -51,10 +65,8 @@ def light_beyond(bounces: int, sigma: float, asymmetry: float = 0.0) -> float:
     ValueError
         If an argument is outside its range.
     """
-    if bounces < 1:
-        raise ValueError(f"bounces is {bounces}; it is a whole number of at least 1. Nothing was computed.")
-    if not 0.0 <= asymmetry < 1.0:
-        raise ValueError(f"asymmetry is {asymmetry:g}; allowed is at least 0 and below 1. Nothing was computed.")
+    require_bounces(bounces)
+    require_asymmetry(asymmetry)
     require_sigma(sigma)
     if bounces == 1:
         return 1.0  # γ = pi: every groove is steeper than flat

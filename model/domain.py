@@ -48,3 +48,15 @@ def _require_range(name: str, angle: ArrayLike, low: float, high: float, meaning
         return
     first = values[~((values >= low) & (values <= high))].flat[0]
     raise ValueError(f"{name} holds {first:.9g} rad; allowed is {meaning}. Nothing was computed.")
+
+
+def require_asymmetry(asymmetry: float) -> None:
+    """Raise ValueError unless the walls' slopes can differ by so much."""
+    if not 0.0 <= asymmetry < 1.0:
+        raise ValueError(f"asymmetry is {asymmetry:g}; allowed is at least 0 and below 1. Nothing was computed.")
+
+
+def require_bounces(bounces: int) -> None:
+    """Raise ValueError unless light can be reflected so many times."""
+    if isinstance(bounces, bool) or not isinstance(bounces, int | np.integer) or bounces < 1:
+        raise ValueError(f"bounces is {bounces}; it is a whole number of at least 1. Nothing was computed.")

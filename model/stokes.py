@@ -58,8 +58,16 @@ def _share(part: FloatArray, stokes: FloatArray) -> FloatArray:
 
 
 def require_stokes(values: ArrayLike) -> FloatArray:
-    """Stokes vectors (..., 4) as an array; ValueError if they have not four elements."""
+    """Stokes vectors (..., 4) as an array; ValueError if they have not four finite elements.
+
+    Any are taken, also those that no light has: products with a matrix are linear.
+    """
     stokes = np.asarray(values, dtype=np.float64)
     if stokes.shape[-1:] != (4,):
         raise ValueError(f"incoming has shape {stokes.shape}; a Stokes vector has four elements on its last axis.")
+    finite = np.isfinite(stokes).all(axis=-1)
+    if not finite.all():
+        raise ValueError(
+            f"incoming holds {stokes[~finite][0].tolist()}; a Stokes vector has finite elements. Nothing was computed."
+        )
     return stokes

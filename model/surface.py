@@ -60,8 +60,8 @@ class Surface:
         ValueError
             If an angle is outside its range, or in the mirror direction itself after more than one bounce.
         """
+        self._require_no_pole(incidence_rad, exit_rad, azimuth_rad)
         elements = evaluate(self._program("mueller"), self._numbers, incidence_rad, exit_rad, azimuth_rad)
-        self._require_finite(elements)
         return np.moveaxis(elements.reshape(4, 4, *elements.shape[1:]), (0, 1), (-2, -1))
 
     def stokes(
@@ -91,12 +91,12 @@ class Surface:
             As for `mueller`, or if the Stokes vector has not four elements.
         """
         state = require_stokes(incoming)
+        self._require_no_pole(incidence_rad, exit_rad, azimuth_rad)
         if _is_unpolarized(state):
             elements = evaluate(self._program("unpolarized"), self._numbers, incidence_rad, exit_rad, azimuth_rad)
             elements = elements if state[0] == 1.0 else elements * state[0].astype(elements.dtype)
         else:
             elements = evaluate(self._program("stokes"), self._numbers, incidence_rad, exit_rad, azimuth_rad, state)
-        self._require_finite(elements)
         return np.moveaxis(elements, 0, -1)
 
     def jacobian(
@@ -129,13 +129,9 @@ class Surface:
         ValueError
             As for `stokes`, or if the surface has no parameter of that name.
         """
-        names = tuple(parameters)
-        unknown = [name for name in names if name not in self.parameters]
-        if unknown or not names:
-            raise ValueError(
-                f"parameters are {list(names)}; one or more are asked for, of this surface's {list(self.parameters)}."
-            )
+        names = require_parameters(parameters, self.parameters)
         state = require_stokes(incoming)
+        self._require_no_pole(incidence_rad, exit_rad, azimuth_rad)
         unpolarized = _is_unpolarized(state)
         program = self._program("unpolarized" if unpolarized else "stokes", names)
         numbers = {**self._numbers, **self._rates(names)}
@@ -143,7 +139,6 @@ class Surface:
         elements = evaluate(program, numbers, incidence_rad, exit_rad, azimuth_rad, given)
         if unpolarized and state[0] != 1.0:
             elements = elements * state[0].astype(elements.dtype)
-        self._require_finite(elements)
         return np.moveaxis(elements.reshape(len(names), 4, *elements.shape[1:]), (0, 1), (-1, -2))
 
     def describe(self) -> str:
@@ -205,13 +200,37 @@ class Surface:
             self._programs[light, varied] = known
         return known
 
-    def _require_finite(self, elements: NDArray[np.floating]) -> None:
-        if any(lobe.has_caustic for lobe in self.lobes) and not np.isfinite(elements[0]).all():
-            raise ValueError(
-                "A direction is the mirror direction itself, where straight grooves send light of two and more bounces "
-                "from every orientation: a point value there is infinite. Nothing was returned. Average over the "
-                "instrument's acceptance cone (model.acceptance.Acceptance), or ask for bounces = 1."
+    def _require_no_pole(self, incidence_rad: ArrayLike, exit_rad: ArrayLike, azimuth_rad: ArrayLike) -> None:
+        if not any(lobe.has_caustic for lobe in self.lobes):
+            return
+        incidence, exit_, azimuth = np.broadcast_arrays(incidence_rad, exit_rad, azimuth_rad)
+        # Closer than the angles' own rounding, which no azimuth of "pi" can beat, there is no other direction.
+        floats = [np.finfo(angle.dtype) for angle in (incidence, exit_, azimuth) if angle.dtype.kind == "f"]
+        coarsest = max(floats or [np.finfo(np.float64)], key=lambda kind: kind.eps)
+        rounding = 4.0 * float(coarsest.eps)
+        near = np.abs(incidence - exit_) <= rounding * incidence + 1e5 * float(coarsest.tiny) ** 0.5
+        if not near.any():
+            return
+        at = incidence[near], exit_[near], azimuth[near]
+        across = np.abs(np.cos(at[2] / 2.0)) * at[0]
+        pole = (at[0] < np.pi / 2.0) & (across <= rounding * np.maximum(1.0, np.abs(at[2])))
+        if pole.any():
+            where = "incidence {:.6g}°, exit {:.6g}°, azimuth {:.6g}°".format(
+                *(float(np.degrees(angle[pole][0])) for angle in at)
             )
+            raise ValueError(
+                f"The direction at {where} is the mirror direction itself, where straight grooves send light of two "
+                f"and more bounces from every orientation: a point value there is infinite. Nothing was returned. "
+                f"Average over the instrument's acceptance cone (model.acceptance.Acceptance), or ask for bounces = 1."
+            )
+
+
+def require_parameters(asked: Sequence[str], known: Sequence[str]) -> tuple[str, ...]:
+    """The names of parameters as a tuple; ValueError if there is none, or one that a surface does not have."""
+    names = tuple([asked] if isinstance(asked, str) else asked)
+    if not names or any(name not in known for name in names):
+        raise ValueError(f"parameters are {list(names)}; one or more are asked for, of this surface's {list(known)}.")
+    return names
 
 
 def _rate(source: str, parameter: str) -> str:

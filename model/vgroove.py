@@ -11,6 +11,7 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from model.domain import require_asymmetry, require_bounces
 from model.evaluation import Addend, Form, Light, Program, evaluate
 from model.fresnel import require_index
 from model.geometry import Angles
@@ -123,18 +124,6 @@ def single_bounce_fraction(incidence_rad: float, sigma: float) -> float:
     exit_z = 2.0 * projected / (1.0 + along**2 + across**2) - cos_i
     seen_twice = np.minimum(projected, 2.0 * np.minimum(cos_i, exit_z))
     return float(np.maximum(seen_twice, 0.0).mean() / cos_i)
-
-
-def require_asymmetry(asymmetry: float) -> None:
-    """Raise ValueError unless the walls' slopes can differ by so much."""
-    if not 0.0 <= asymmetry < 1.0:
-        raise ValueError(f"asymmetry is {asymmetry:g}; allowed is at least 0 and below 1. Nothing was computed.")
-
-
-def require_bounces(bounces: int) -> None:
-    """Raise ValueError unless light can be reflected so many times."""
-    if not isinstance(bounces, int | np.integer) or bounces < 1:
-        raise ValueError(f"bounces is {bounces}; it is a whole number of at least 1. Nothing was computed.")
 
 
 def _program(

@@ -83,6 +83,11 @@ def _keep(key: str, code: bytes) -> None:
         return
 
 
+if hasattr(os, "register_at_fork"):
+    # No process is forked while a thread holds it that the new process would not have.
+    os.register_at_fork(before=_LOCK.acquire, after_in_parent=_LOCK.release, after_in_child=_LOCK.release)
+
+
 @cache
 def _llvm() -> Any:
     import llvmlite.binding as llvm  # loads LLVM, which is only needed when something is computed

@@ -102,3 +102,8 @@ def _cores() -> int:
 @cache
 def _threads() -> ThreadPoolExecutor:
     return ThreadPoolExecutor(_cores(), thread_name_prefix="kernel")
+
+
+if hasattr(os, "register_at_fork"):
+    # A forked process has this one's memory, but none of its threads.
+    os.register_at_fork(after_in_child=_threads.cache_clear)

@@ -11,12 +11,12 @@ from model.fresnel import require_index
 from model.geometry import Angles
 from model.kernel.expression import Value
 from model.literature.transmittance import transmittance
-from model.lobes.lobe import format_index, require_weight
+from model.lobes.lobe import Lobe, format_index, require_weight
 from model.matrix import Matrix, scaled
 
 
 @dataclass(frozen=True)
-class BodyDiffuse:
+class BodyDiffuse(Lobe):
     """Polarized diffuse light through a smooth macro surface: rho_d/π · T(tr) · depolarizer · T(ti).
 
     T are the Mueller matrices of Fresnel transmission; p passes better than s, so that the light is p-polarized.
@@ -51,18 +51,9 @@ class BodyDiffuse:
         """What the form computes with, by name."""
         return {"rho_d": self.weight, "n": self.index}
 
-    @property
-    def has_caustic(self) -> bool:
-        """Whether the lobe is infinite in the mirror direction itself."""
-        return False
-
     def form(self, varied: frozenset[str]) -> Form:
         """How the lobe follows from its numbers."""
         return Form(_in_and_out)
-
-    def rates(self, parameter: str) -> Mapping[str, float]:
-        """How fast each of the numbers changes with a parameter."""
-        return {parameter: 1.0} if parameter in self.parameters else {}
 
     def describe(self) -> str:
         """What the lobe is, and what it leaves out, for a person."""

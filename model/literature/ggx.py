@@ -11,12 +11,12 @@ from model.fresnel import require_index
 from model.geometry import Angles, Facet, facet
 from model.groove_reflectance import facet_mueller
 from model.kernel.expression import Value, sqrt
-from model.lobes.lobe import format_index, require_weight
+from model.lobes.lobe import Lobe, format_index, require_weight
 from model.matrix import Matrix, scaled
 
 
 @dataclass(frozen=True)
-class Ggx:
+class Ggx(Lobe):
     """Light that GGX facets reflect once: D G M/(4 cos ti cos tr); Walter et al. 2007, eqs. (33), (34).
 
     Parameters
@@ -56,17 +56,13 @@ class Ggx:
         return {"rho_s": self.weight, "alpha": self.alpha, "n": self.index}
 
     @property
-    def has_caustic(self) -> bool:
-        """Whether the lobe is infinite in the mirror direction itself."""
-        return False
+    def width_rad(self) -> float:
+        """Angle from its peak within which the lobe changes."""
+        return self.alpha
 
     def form(self, varied: frozenset[str]) -> Form:
         """How the lobe follows from its numbers."""
         return Form(_ggx)
-
-    def rates(self, parameter: str) -> Mapping[str, float]:
-        """How fast each of the numbers changes with a parameter."""
-        return {parameter: 1.0} if parameter in self.parameters else {}
 
     def describe(self) -> str:
         """What the lobe is, and what it leaves out, for a person."""

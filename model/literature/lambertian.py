@@ -9,12 +9,12 @@ from dataclasses import dataclass
 from model.evaluation import Form
 from model.geometry import Angles
 from model.kernel.expression import Value
-from model.lobes.lobe import require_weight
+from model.lobes.lobe import Lobe, require_weight
 from model.matrix import DEPOLARIZER, Matrix, scaled
 
 
 @dataclass(frozen=True)
-class Lambertian:
+class Lambertian(Lobe):
     """Ideal diffuse light, rho_d/π times the depolarizer.
 
     Parameters
@@ -42,11 +42,6 @@ class Lambertian:
     def numbers(self) -> Mapping[str, float]:
         """What the form computes with, by name."""
         return {"rho_d": self.weight}
-
-    @property
-    def has_caustic(self) -> bool:
-        """Whether the lobe is infinite in the mirror direction itself."""
-        return False
 
     def form(self, varied: frozenset[str]) -> Form:
         """How the lobe follows from its numbers."""

@@ -11,13 +11,13 @@ from model.geometry import Angles, Facet, facet
 from model.groove_passage import single_bounce
 from model.groove_reflectance import facet_mueller
 from model.kernel.expression import Value
-from model.lobes.lobe import format_index, require_weight
+from model.lobes.lobe import Lobe, format_index, require_weight
 from model.matrix import Matrix, scaled
 from model.slopes import normal_density, require_sigma
 
 
 @dataclass(frozen=True)
-class Microfacet:
+class Microfacet(Lobe):
     """Light that Gaussian facets reflect once: D G M/(4 cos ti cos tr), with 1/cos⁴ of the facet's tilt in D.
 
     Without masking, G = 1, the lobe grows beyond all bounds towards grazing angles.
@@ -61,17 +61,13 @@ class Microfacet:
         return {"rho_s": self.weight, "sigma": self.sigma, "n": index.real, "k": index.imag}
 
     @property
-    def has_caustic(self) -> bool:
-        """Whether the lobe is infinite in the mirror direction itself."""
-        return False
+    def width_rad(self) -> float:
+        """Angle from its peak within which the lobe changes."""
+        return self.sigma
 
     def form(self, varied: frozenset[str]) -> Form:
         """How the lobe follows from its numbers."""
         return Form(_masked if self.masked else _unmasked)
-
-    def rates(self, parameter: str) -> Mapping[str, float]:
-        """How fast each of the numbers changes with a parameter."""
-        return {parameter: 1.0} if parameter in self.parameters else {}
 
     def describe(self) -> str:
         """What the lobe is, and what it leaves out, for a person."""

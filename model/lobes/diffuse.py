@@ -10,7 +10,7 @@ from typing import Literal
 from model.evaluation import Form
 from model.geometry import Angles, facet
 from model.kernel.expression import Value, maximum, minimum
-from model.lobes.lobe import require_weight
+from model.lobes.lobe import Lobe, require_weight
 from model.matrix import DEPOLARIZER, Matrix, scaled
 from model.slopes import require_sigma
 
@@ -22,7 +22,7 @@ _TERMS = 24
 
 
 @dataclass(frozen=True)
-class Diffuse:
+class Diffuse(Lobe):
     """Light that Lambertian facets scatter, averaged over their slopes; eq. (8).
 
     The bracket C1 + C2 tan ti tan tr cos phi goes negative towards grazing exit on the mirror side, which no
@@ -64,11 +64,6 @@ class Diffuse:
         """What the form computes with, by name."""
         (c1, c2), _ = self._averages()
         return {"rho_d": self.weight, "c1": c1, "c2": c2}
-
-    @property
-    def has_caustic(self) -> bool:
-        """Whether the lobe is infinite in the mirror direction itself."""
-        return False
 
     def form(self, varied: frozenset[str]) -> Form:
         """How the lobe follows from its numbers."""

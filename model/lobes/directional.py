@@ -6,20 +6,18 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-import numpy as np
-
 from model.evaluation import Form
 from model.fresnel import require_index
 from model.geometry import Angles, facet
 from model.groove_reflectance import facet_mueller
 from model.kernel.expression import Value, damped
-from model.lobes.lobe import format_index, require_weight
+from model.lobes.lobe import Lobe, Peak, format_index, require_weight
 from model.matrix import Matrix, scaled
 from model.slopes import require_sigma
 
 
 @dataclass(frozen=True)
-class Directional:
+class Directional(Lobe):
     """Directional diffuse light near the normal, polarized like the half-vector facet; eq. (10).
 
     Its size exp(-2 tan(tr)^p/sigma²)/(sqrt(2 pi) sigma) depends on the exit angle alone, so that it is not reciprocal.
@@ -66,21 +64,21 @@ class Directional:
         return {"rho_dd": self.weight, "sigma": self.sigma, "n": index.real, "k": index.imag}
 
     @property
-    def has_caustic(self) -> bool:
-        """Whether the lobe is infinite in the mirror direction itself."""
-        return False
+    def peak(self) -> Peak:
+        """About which direction the lobe stands, if it is narrow."""
+        return "normal"
+
+    @property
+    def width_rad(self) -> float:
+        """Angle from its peak within which the lobe changes."""
+        return math.atan(self.sigma**2 / 2.0 if self.exponent == 1 else self.sigma / math.sqrt(2.0))
 
     def form(self, varied: frozenset[str]) -> Form:
         """How the lobe follows from its numbers."""
         return Form(_towards_the_normal, (self.exponent,))
 
-    def rates(self, parameter: str) -> Mapping[str, float]:
-        """How fast each of the numbers changes with a parameter."""
-        return {parameter: 1.0} if parameter in self.parameters else {}
-
     def describe(self) -> str:
         """What the lobe is, and what it leaves out, for a person."""
-        width = self.sigma**2 / 2.0 if self.exponent == 1 else self.sigma / math.sqrt(2.0)
         shape = {
             1: "printed exponent tan(exit): a cusp at the normal that falls",
             2: "exponent tan²(exit) in place of the printed tan(exit): a smooth top at the normal that falls",
@@ -88,7 +86,7 @@ class Directional:
         return (
             f"Directional diffuse lobe, eq. (10): rho_dd = {self.weight:.6g}, sigma = {self.sigma:.6g}, "
             f"index {format_index(self.index)}, {shape[self.exponent]} to 1/e within "
-            f"{np.degrees(np.arctan(width)):.2g}°. Its size follows from the exit angle alone, so it is not reciprocal."
+            f"{math.degrees(self.width_rad):.2g}°. Its size follows from the exit angle alone, so it is not reciprocal."
         )
 
 

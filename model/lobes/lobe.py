@@ -2,43 +2,56 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Mapping
-from typing import Protocol
+from typing import Literal
 
 import numpy as np
 
 from model.evaluation import Form
 
+Peak = Literal["mirror", "normal"]
 
-class Lobe(Protocol):
+
+class Lobe(ABC):
     """One addend of a surface's polarimetric reflectance."""
 
     @property
+    @abstractmethod
     def parameters(self) -> tuple[str, ...]:
         """Names of the numbers that a fit may vary."""
-        ...
 
     @property
+    @abstractmethod
     def numbers(self) -> Mapping[str, float]:
         """What the form computes with, by name."""
-        ...
 
+    @abstractmethod
     def form(self, varied: frozenset[str]) -> Form:
         """How the lobe follows from its numbers; an effect that its numbers switch off is in it only if varied."""
-        ...
+
+    @abstractmethod
+    def describe(self) -> str:
+        """What the lobe is, and what it leaves out, for a person."""
 
     def rates(self, parameter: str) -> Mapping[str, float]:
         """How fast each of the numbers changes with a parameter; a number not named stays."""
-        ...
-
-    def describe(self) -> str:
-        """What the lobe is, and what it leaves out, for a person."""
-        ...
+        return {parameter: 1.0} if parameter in self.parameters else {}
 
     @property
     def has_caustic(self) -> bool:
         """Whether the lobe is infinite in the mirror direction itself."""
-        ...
+        return False
+
+    @property
+    def peak(self) -> Peak:
+        """About which direction the lobe stands, if it is narrow."""
+        return "mirror"
+
+    @property
+    def width_rad(self) -> float:
+        """Angle from its peak within which the lobe changes."""
+        return np.inf
 
 
 def require_weight(name: str, weight: float) -> None:

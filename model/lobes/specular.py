@@ -2,29 +2,32 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Literal
 
 import numpy as np
 
 from model.bounce_bound import Tolerance, light_beyond
+from model.domain import require_asymmetry, require_bounces
 from model.evaluation import Form
 from model.fresnel import require_index
 from model.geometry import Angles
 from model.groove_reflectance import groove_mueller
 from model.kernel.expression import Value
-from model.lobes.lobe import format_index, require_weight
+from model.lobes.lobe import Lobe, format_index, require_weight
 from model.matrix import Matrix, scaled
 from model.single_fresnel import single_fresnel_mueller
 from model.slopes import require_sigma
-from model.vgroove import require_asymmetry, require_bounces, single_bounce_fraction
+from model.vgroove import single_bounce_fraction
 
 Reading = Literal["kaleidoscope", "single-fresnel"]
 
 
 @dataclass(frozen=True)
-class Specular:
+class Specular(Lobe):
     """Light that the walls of V-grooves reflect, once or more often; eq. (6).
 
     Parameters
@@ -70,7 +73,7 @@ class Specular:
             )
         require_bounces(self.followed)
 
-    @property
+    @cached_property
     def followed(self) -> int:
         """How many reflections light is followed through."""
         if isinstance(self.bounces, Tolerance):
@@ -95,15 +98,16 @@ class Specular:
         """Whether the lobe is infinite in the mirror direction itself."""
         return self.reading == "kaleidoscope" and self.followed > 1
 
+    @property
+    def width_rad(self) -> float:
+        """Angle from its peak within which the lobe changes."""
+        return self.sigma
+
     def form(self, varied: frozenset[str]) -> Form:
         """How the lobe follows from its numbers."""
         if self.reading == "single-fresnel":
             return Form(_single_fresnel, (self.followed,))
         return Form(_kaleidoscope, (self.followed, self.asymmetry == 0.0 and "asymmetry" not in varied))
-
-    def rates(self, parameter: str) -> Mapping[str, float]:
-        """How fast each of the numbers changes with a parameter."""
-        return {parameter: 1.0} if parameter in self.parameters else {}
 
     def describe(self) -> str:
         """What the lobe is, and what it leaves out, for a person."""
@@ -122,24 +126,29 @@ class Specular:
         return f"Up to {self.followed} reflections (k = 1 … {self.followed})"
 
     def _left_out(self) -> str:
+        ridge = (
+            "the sharp ridge, or caustic, that straight grooves show towards the mirror direction and a random rough "
+            "surface does not"
+        )
         if self.followed == 1:
-            lost_normal, lost_60 = (
-                1.0 - single_bounce_fraction(np.radians(angle), self.sigma) for angle in (0.0, 60.0)
-            )
-            return (
-                f"Left out: light that meets a groove's walls twice or more (on a perfect mirror of this roughness "
-                f"{lost_normal:.2%} of the light at 0° incidence and {lost_60:.2%} at 60°), and with it the sharp "
-                f"ridge, or caustic, that straight grooves show towards the mirror direction and a random rough "
-                f"surface does not."
-            )
+            return f"Left out: light that meets a groove's walls twice or more{self._share()}, and with it {ridge}."
         beyond = light_beyond(self.followed, self.sigma, self.asymmetry)
-        text = f"Left out: bounce {self.followed + 1} and beyond, less than {beyond:.1g} of the light."
-        if self.has_caustic:
-            text += (
-                " Straight grooves show a sharp ridge, or caustic, towards the mirror direction, which a random rough "
-                "surface does not; bounces = 1 has none."
-            )
-        return text
+        share = f"at most {_rounded_up(beyond)} of the light" if beyond else "nothing that a number could tell from 0"
+        text = f"Left out: bounce {self.followed + 1} and beyond, {share}."
+        return f"{text} It has {ridge}; bounces = 1 has none." if self.has_caustic else text
+
+    def _share(self) -> str:
+        if self.asymmetry:
+            return ""
+        normal, at_60 = (1.0 - single_bounce_fraction(np.radians(angle), self.sigma) for angle in (0.0, 60.0))
+        return (
+            f" (on a perfect mirror of this roughness {normal:.2%} of the light at 0° incidence and {at_60:.2%} at 60°)"
+        )
+
+
+def _rounded_up(share: float) -> str:
+    digit = 10.0 ** math.floor(math.log10(share))
+    return f"{math.ceil(share / digit * (1.0 - 1e-12)) * digit:.1g}"
 
 
 def _kaleidoscope(at: Angles, numbers: Mapping[str, Value], followed: int, symmetric: bool) -> Matrix:

@@ -31,7 +31,9 @@ def assert_rays_agree(setting: int, rays: int) -> None:
 
     bounces = bounces_for(1e-7, lit.sigma, lit.asymmetry)
     surface = Surface([Specular(1.0, lit.sigma, index, lit.asymmetry, bounces)])
-    expected = Acceptance(surface, half_angle, nodes=12).mueller(lit.incidence_rad, exit_rad, azimuth_rad)
+    expected = Acceptance(surface, half_angle, nodes=24).mueller(lit.incidence_rad, exit_rad, azimuth_rad)
+    if expected[0, 0] < 1e-20:
+        pytest.skip("The tracer leaves out slopes beyond 12 sigma, which is all there is here.")
     sample = cone_mueller(lit, cone, index=index, rays=rays, seed=setting)
     assert sample.stderr[0, 0] < 0.1 * sample.mean[0, 0], "choose another setting: few rays land"
     tolerance = 4.0 * sample.stderr + 1e-4 * sample.mean[0, 0]

@@ -103,7 +103,7 @@ def test_the_horizon_in_single_precision_is_accepted_and_dark() -> None:
         surface.stokes(0.3, np.nextafter(HORIZON, np.float32(2.0)), 2.0)
 
 
-@pytest.mark.parametrize("sigma", [1e-4, 0.3, 30.0])
+@pytest.mark.parametrize("sigma", [1e-5, 0.3, 1e5])
 def test_nothing_overflows_at_the_edges(sigma: float) -> None:
     angles = np.array([1e-30, 1e-9, 0.4, 1.57, np.nextafter(HORIZON, np.float32(0.0)), HORIZON], np.float32)
     azimuths = np.array([0.0, 1e-9, 2.0, np.pi, -np.pi, 1e4, 1e30], np.float32)

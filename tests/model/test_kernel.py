@@ -129,10 +129,17 @@ def test_guards_within_guards_and_beside_them(uniform: frozenset[str]) -> None:
     # Each expression is needed by one block, by two, by one in another, or by a block and the world outside.
     def formula(at: Mapping[str, Symbol]) -> list[Value]:
         x, a = at["x"], at["a"]
-        shared, within, outside = exp(-x * x), sqrt(x + 3.0), sin(x) * a
+        shared, within, outside, value = exp(-x * x), sqrt(x + 3.0), sin(x) * a, x * x * a
         inner = guarded(x < 0.5, within * outside + shared)
         outer = guarded(x > -0.5, inner * within + shared)
-        return [outer + guarded(a < x, outside), inner - outside, guarded(x > 5.0, sin(shared)), guarded(a < 0.5, a)]
+        return [
+            outer + guarded(a < x, outside),
+            inner - outside,
+            guarded(x > 5.0, sin(shared)),
+            guarded(a < 0.5, a),
+            guarded(x > 0.1, value),
+            value - x,
+        ]
 
     kernel = Kernel(formula, ["x", "a"], uniform, "float64")
     for offset in (0.0, 0.7, -0.9):  # every lane in a block, some, none
