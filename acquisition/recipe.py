@@ -26,24 +26,21 @@ _GRID_TOLERANCE_DEG = 1e-9
 
 @dataclass(frozen=True)
 class _Domain:
-    """The values of a parameter that make sense: up to `high`, and from (or, when it is open, above) `low`."""
+    """The values of a parameter that make sense: from `low` to `high`."""
 
     meaning: str
     low: float
     high: float
-    low_is_open: bool = False
 
     def holds(self, value: float) -> bool:
-        return (self.low < value if self.low_is_open else self.low <= value) and value <= self.high
+        return self.low <= value <= self.high
 
     def __str__(self) -> str:
-        if self.low_is_open:
-            return f"greater than {self.low:g} and at most {self.high:g}"
         return f"from {self.low:g} to {self.high:g}"
 
 
 _DOMAIN = {
-    "sigma": _Domain("rms slope of the surface", 0.0, 10.0, low_is_open=True),
+    "sigma": _Domain("rms slope of the surface", 1e-5, 10.0),
     "n": _Domain("real part of the refractive index", 0.05, 20.0),
     "k": _Domain("imaginary part of the refractive index", 0.0, 100.0),
     "asymmetry": _Domain("asymmetry of the grooves", 0.0, 0.99),

@@ -17,7 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from model.cone_quadrature import cones
+from model.cone_quadrature import Cones, cones
 from model.domain import require_directions
 from model.geometry import FloatArray, Rotation
 from model.lobes import Lobe
@@ -27,22 +27,20 @@ from model.stokes import require_stokes
 from model.surface import Surface, require_parameters
 
 WIDEST_RAD = np.radians(30.0)
+_NARROWEST_RAD = 1e-9
+# Lines need not be denser than this, so close to the horizon.
+_LEAST_COSINE = 1e-3
 # Directions that are averaged at a time, so that the nodes of many cones need not be in memory at once.
 _AT_ONCE = 2**18
 
 
 @dataclass(frozen=True)
 class _Part:
-    """The lobes that stand about one direction, and how many panels on each line their width calls for."""
+    """The lobes that stand about one direction, and the width of the narrowest."""
 
     surface: Surface
     peak: Peak
-    panels: int
-
-
-def _part(lobes: Sequence[Lobe], peak: Peak, widest_rad: float) -> _Part:
-    narrowest = min(widest_rad, *(lobe.width_rad for lobe in lobes))
-    return _Part(Surface(lobes), peak, 1 + math.ceil(math.log2(widest_rad / narrowest)))
+    width_rad: float
 
 
 def half_angle_rad(solid_angle_sr: float) -> float:
@@ -84,13 +82,13 @@ class Acceptance:
     surface : Surface
         What is looked at.
     detector_half_angle_rad : float
-        Half-angle of the cone about the exit direction, above 0, at most 30°.
+        Half-angle of the cone about the exit direction, 1e-9 rad to 30°; 0 for a single direction.
     source_half_angle_rad : float
         Half-angle of the cone about the direction of incidence; 0 for a collimated source.
     nodes : int
         Nodes on each of the quadrature's lines, of which there are four times as many; so many again for every halving
         of the cone that a narrow lobe calls for. With a source's cone the cost goes with the fourth power, otherwise
-        with the square.
+        with the square. Where a cone crosses the horizon or a clamp of the model, means converge slowly (to some 1e-2).
 
     Raises
     ------
@@ -101,10 +99,12 @@ class Acceptance:
     def __init__(
         self, surface: Surface, detector_half_angle_rad: float, source_half_angle_rad: float = 0.0, nodes: int = 6
     ) -> None:
-        if not 0.0 < detector_half_angle_rad <= WIDEST_RAD:
-            raise ValueError(f"detector_half_angle_rad is {detector_half_angle_rad:g}; allowed is above 0 to 30°.")
-        if not 0.0 <= source_half_angle_rad <= WIDEST_RAD:
-            raise ValueError(f"source_half_angle_rad is {source_half_angle_rad:g}; allowed is 0 to 30°.")
+        for name, angle in (
+            ("detector_half_angle_rad", detector_half_angle_rad),
+            ("source_half_angle_rad", source_half_angle_rad),
+        ):
+            if angle != 0.0 and not _NARROWEST_RAD <= angle <= WIDEST_RAD:
+                raise ValueError(f"{name} is {angle:g}; allowed is 0, or {_NARROWEST_RAD:g} rad to 30°.")
         if nodes < 1:
             raise ValueError(f"nodes is {nodes}; at least one is needed.")
         self.surface = surface
@@ -112,10 +112,9 @@ class Acceptance:
         self.source_half_angle_rad = source_half_angle_rad
         self.nodes = nodes
         # Lobes narrower than the cone are resolved where they stand.
-        widest = max(detector_half_angle_rad, source_half_angle_rad)
         peaks: tuple[Peak, ...] = ("mirror", "normal")
         self._parts = [
-            _part(lobes, peak, widest)
+            _Part(Surface(lobes), peak, min(lobe.width_rad for lobe in lobes))
             for peak in peaks
             if (lobes := [lobe for lobe in surface.lobes if lobe.peak == peak])
         ]
@@ -217,31 +216,44 @@ class Acceptance:
         states: FloatArray | None,
         one_state: bool,
     ) -> FloatArray:
-        cone = 4 * self.nodes**2 * part.panels
+        panels = self._panels(part, directions)
+        cone = 4 * self.nodes**2 * panels
         step = max(1, _AT_ONCE // (cone * cone if self.source_half_angle_rad else cone))
         means = []
         for start in range(0, max(len(directions[0]), 1), step):
             some = slice(start, start + step)
-            at = self._rays(part, *(angle[some] for angle in directions))
+            at = self._rays(part, panels, *(angle[some] for angle in directions))
             extra = [] if states is None else [states if one_state else states[some]]
             means.append(np.einsum("pn,pn...->p...", at.weight, evaluate(part.surface, at, *extra)))
         return np.concatenate(means)
 
-    def _rays(self, part: _Part, incidence: FloatArray, exit_: FloatArray, azimuth: FloatArray) -> Rays:
+    def _panels(self, part: _Part, directions: Sequence[FloatArray]) -> int:
+        # Across the plane of incidence a lobe about the mirror direction is narrower by the cosine.
+        widest = max(self.detector_half_angle_rad, self.source_half_angle_rad)
+        polar = max((float(angle.max(initial=0.0)) for angle in directions[:2]), default=0.0)
+        across = max(math.cos(polar), _LEAST_COSINE) if part.peak == "mirror" else 1.0
+        halvings = math.log2(widest / (part.width_rad * across)) if widest and math.isfinite(part.width_rad) else 0.0
+        return 1 + max(0, math.ceil(halvings))
+
+    def _rays(self, part: _Part, panels: int, incidence: FloatArray, exit_: FloatArray, azimuth: FloatArray) -> Rays:
         count = len(incidence)
         lamp_polar, lamp_turn = incidence[:, None], np.zeros((count, 1))
         weight = np.ones((count, 1))
         if self.source_half_angle_rad:
             # Seen from the source the caustic is where the exit direction is mirrored to.
             source = self.source_half_angle_rad
-            lamp = cones(incidence, np.zeros(count), source, exit_, azimuth + np.pi, self.nodes, part.panels)
+            pole = exit_, azimuth + np.pi
+            lamp = cones(incidence, np.zeros(count), source, *pole, _stretch(exit_, panels), self.nodes, panels)
             lamp_polar, lamp_turn, weight = lamp.polar_rad, lamp.azimuth_rad, lamp.weight
         sources = lamp_polar.shape[1]
         exits, azimuths = np.repeat(exit_, sources), np.repeat(azimuth, sources)
         pole = lamp_polar.ravel(), lamp_turn.ravel() + np.pi
         if part.peak == "normal":
             pole = np.zeros(len(exits)), azimuths
-        seen = cones(exits, azimuths, self.detector_half_angle_rad, *pole, self.nodes, part.panels)
+        seen = Cones(exits[:, None], azimuths[:, None], np.ones((len(exits), 1)))
+        if self.detector_half_angle_rad:
+            half_angle = self.detector_half_angle_rad
+            seen = cones(exits, azimuths, half_angle, *pole, _stretch(pole[0], panels), self.nodes, panels)
         nodes = seen.polar_rad.shape[1]
         shape = (count, sources * nodes)
         exit_node, azimuth_node = seen.polar_rad.reshape(shape), seen.azimuth_rad.reshape(shape)
@@ -260,3 +272,10 @@ def _frame_turn(x: FloatArray, y: FloatArray) -> Rotation[FloatArray]:
     # (x, y): the central ray's s-direction in the ray's own frame, not yet of unit length.
     length2 = x**2 + y**2
     return Rotation(cos2=(x - y) * (x + y) / length2, sin2=2.0 * x * y / length2)
+
+
+def _stretch(polar_rad: FloatArray, panels: int) -> FloatArray:
+    # Lobes and caustic about the mirror direction are narrower across the plane by the cosine, the cone is not: where
+    # the lobe is the narrower one lines go by it, otherwise half way.
+    cosine = np.maximum(np.cos(polar_rad), _LEAST_COSINE)
+    return cosine if panels > 1 else np.sqrt(cosine)

@@ -15,6 +15,7 @@ import numpy as np
 from model.geometry import FloatArray
 
 _LINES_PER_NODE = 4
+_SHORTEST = 1e-10
 
 
 @dataclass(frozen=True)
@@ -40,6 +41,7 @@ def cones(
     half_angle_rad: float,
     pole_polar_rad: FloatArray,
     pole_azimuth_rad: FloatArray,
+    stretch: FloatArray,
     nodes: int,
     panels: int,
 ) -> Cones:
@@ -53,6 +55,9 @@ def cones(
         Of all cones, above 0.
     pole_polar_rad, pole_azimuth_rad : ndarray
         Shape (cones,); the poles, inside or outside of the cones.
+    stretch : ndarray
+        Shape (cones,); how much narrower than along the pole's meridian the integrand is across it, above 0 to 1. Lines
+        are denser where it is narrow.
     nodes : int
         Nodes on each panel of a line; the cone has four times as many lines.
     panels : int
@@ -69,17 +74,31 @@ def cones(
     far = cos < 0.0
     pole_polar, pole_azimuth = np.where(far, polar_rad, pole_polar_rad), np.where(far, azimuth_rad, pole_azimuth_rad)
     distance = np.where(far, 0.0, np.arctan2(np.hypot(along, across), cos))
-    bearing = np.where(far, 0.0, np.arctan2(across, along))
+    # Of a centre that is the pole itself all bearings are one; lines are densest about the meridian.
+    bearing = np.where(distance > _SHORTEST, np.arctan2(across, along), 0.0)
 
     nearest, farthest = np.tan((distance - half_angle_rad) / 2.0), np.tan((distance + half_angle_rad) / 2.0)
-    psi, radius, area = _disc((farthest + nearest) / 2.0, (farthest - nearest) / 2.0, nodes, panels)
-    weight = area * 4.0 / (1.0 + radius**2) ** 2 / (4.0 * np.pi * np.sin(half_angle_rad / 2.0) ** 2)
+    middle = (farthest + nearest) / 2.0
+    x, y, area = _disc(
+        middle * np.cos(bearing),
+        middle * np.sin(bearing),
+        (farthest - nearest) / 2.0,
+        np.where(far, 1.0, stretch),
+        nodes,
+        panels,
+    )
+    radius = np.hypot(x, y)
+    weight = area / ((1.0 + radius**2) ** 2 * np.pi * np.sin(half_angle_rad / 2.0) ** 2)
+    if panels == 1:
+        # What varies little over the cone is averaged exactly so; what stands close to the pole is better off without.
+        weight = weight / weight.sum(axis=1, keepdims=True)
 
-    theta, direction = 2.0 * np.arctan(radius), bearing[:, None] + psi
+    # Back onto the sphere: parts along the pole's meridian, across it, and along the pole.
     sin_pole, cos_pole = np.sin(pole_polar)[:, None], np.cos(pole_polar)[:, None]
-    outwards, sideways = np.sin(theta) * np.cos(direction), np.sin(theta) * np.sin(direction)
-    height = np.cos(theta) * cos_pole - outwards * sin_pole
-    horizontal = np.cos(theta) * sin_pole + outwards * cos_pole
+    scale = 1.0 / (1.0 + radius**2)
+    outwards, sideways, towards = 2.0 * x * scale, 2.0 * y * scale, (1.0 - radius**2) * scale
+    height = towards * cos_pole - outwards * sin_pole
+    horizontal = towards * sin_pole + outwards * cos_pole
     above = height > 0.0
     return Cones(
         polar_rad=np.where(above, np.arctan2(np.hypot(horizontal, sideways), height), 0.0),
@@ -88,29 +107,54 @@ def cones(
     )
 
 
-def _disc(centre: FloatArray, radius: FloatArray, nodes: int, panels: int) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Polar coordinates about a pole, and weights, of nodes in discs whose centres lie at ψ = 0; (discs, nodes)."""
-    lines, line_weight = _gauss(_LINES_PER_NODE * nodes // 2)
-    half, half_weight = lines * np.pi / 2.0, line_weight * np.pi / 2.0
-    inside = (centre < radius)[:, None]
-    c, r = centre[:, None], radius[:, None]
-    # From inside: the half-plane towards the centre and the one away from it, each line from the pole to the rim.
-    psi_in = np.concatenate([half, half + np.pi])
-    end_in = c * np.cos(psi_in) + np.sqrt(np.maximum(r**2 - (c * np.sin(psi_in)) ** 2, 0.0))
-    # From outside: lines that meet the disc, by the angle v at which they meet its rim.
-    v, v_weight = (both * np.pi / 2.0 for both in _gauss(_LINES_PER_NODE * nodes))
-    ratio = r / np.where(inside, np.inf, c)
-    psi_out = np.arcsin(ratio * np.sin(v))
-    middle, reach = c * np.cos(psi_out), r * np.cos(v)
+def _disc(
+    centre_x: FloatArray, centre_y: FloatArray, radius: FloatArray, stretch: FloatArray, nodes: int, panels: int
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Coordinates (discs, nodes) about a pole, and weights, on lines x = s cos η, y = stretch s sin η through it."""
+    inside = (np.hypot(centre_x, centre_y) < radius)[:, None]
+    cx, cy, r, q = (part[:, None] for part in (centre_x, centre_y, radius, stretch))
+    eta_in, step_in = _from_inside(cx, q * cy, nodes)
+    eta_out, step_out, root_out = _from_outside(cx, cy, np.where(inside, 0.0, r), q, nodes)
+    eta, step = np.where(inside, eta_in, eta_out), np.where(inside, step_in, step_out)
 
-    psi = np.where(inside, psi_in, psi_out)
-    step = np.where(inside, np.concatenate([half_weight, half_weight]), v_weight * ratio * np.cos(v) / np.cos(psi_out))
-    start, end = np.where(inside, 0.0, middle - reach), np.where(inside, end_in, middle + reach)
+    # Where the lines meet the rim: a s² - 2 b s + c² - r² = 0.
+    ux, uy = np.cos(eta), q * np.sin(eta)
+    a, b = ux**2 + uy**2, ux * cx + uy * cy
+    root = np.where(inside, np.sqrt(np.maximum(b**2 + a * (r**2 - cx**2 - cy**2), 0.0)), root_out)
+    start, end = np.where(inside, 0.0, (b - root) / a), (b + root) / a
+    # With the pole on the rim itself lines away from the cone have no length; none may end in the pole.
+    end = np.where(inside, np.maximum(end, _SHORTEST), end)
     share, share_weight = _graded(nodes, panels)
-    distance = start[..., None] + (end - start)[..., None] * share
-    area = step[..., None] * (end - start)[..., None] * share_weight * distance
-    shape = (len(centre), area.shape[1] * area.shape[2])
-    return np.broadcast_to(psi[..., None], area.shape).reshape(shape), distance.reshape(shape), area.reshape(shape)
+    s = start[..., None] + (end - start)[..., None] * share
+    area = (q * step * (end - start))[..., None] * share_weight * s
+    shape = (len(centre_x), area.shape[1] * area.shape[2])
+    return (s * ux[..., None]).reshape(shape), (s * uy[..., None]).reshape(shape), area.reshape(shape)
+
+
+def _from_inside(bx: FloatArray, by: FloatArray, nodes: int) -> tuple[FloatArray, FloatArray]:
+    # The half-plane towards the centre and the one away from it, between which the rim may be close to the pole.
+    line, weight = _gauss(_LINES_PER_NODE * nodes // 2)
+    half, step = line * np.pi / 2.0, weight * np.pi / 2.0
+    eta = np.arctan2(by, bx) + np.concatenate([half, half + np.pi])
+    return eta, np.broadcast_to(np.concatenate([step, step]), eta.shape)
+
+
+def _from_outside(
+    cx: FloatArray, cy: FloatArray, r: FloatArray, q: FloatArray, nodes: int
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    # b² - a (c² - r²) is a quadratic form in (cos η, sin η), positive about one axis η0: λ1 cos² + λ2 sin² of η - η0.
+    beyond = np.maximum(cx**2 + cy**2 - r**2, 0.0)
+    xx, yy, xy = cx**2 - beyond, q**2 * (cy**2 - beyond), q * cx * cy
+    mean, spread = (xx + yy) / 2.0, np.hypot((xx - yy) / 2.0, xy)
+    axis = 0.5 * np.arctan2(2.0 * xy, xx - yy)
+    axis = axis + np.where(np.cos(axis) * cx + q * np.sin(axis) * cy < 0.0, np.pi, 0.0)
+    first = np.maximum(mean + spread, 0.0)
+    line, weight = _gauss(_LINES_PER_NODE * nodes)
+    v, step = line * np.pi / 2.0, weight * np.pi / 2.0
+    widest = np.sqrt(first / np.where(spread > 0.0, 2.0 * spread, 1.0))
+    sine = np.minimum(widest, 1.0) * np.sin(v)
+    lean = np.arcsin(sine)
+    return axis + lean, step * np.minimum(widest, 1.0) * np.cos(v) / np.cos(lean), np.sqrt(first) * np.cos(v)
 
 
 @cache

@@ -23,7 +23,7 @@ class _Part(BaseModel):
 class Index(_Part):
     """Complex refractive index n + ik."""
 
-    n: float = Field(gt=0, le=20, description="real part")
+    n: float = Field(ge=1e-3, le=20, description="real part")
     k: float = Field(ge=0, le=20, description="imaginary part, 0 for a transparent material")
 
 
@@ -32,7 +32,7 @@ class Sample(_Part):
 
     material: str | None = Field(default=None, description="a material of the table, for example Fe; or write index")
     index: Index | None = Field(default=None, description="refractive index n + ik; or write material")
-    sigma: float = Field(gt=0, le=2, description="roughness: rms slope per axis")
+    sigma: float = Field(ge=1e-5, le=2, description="roughness: rms slope per axis")
     asymmetry: float = Field(
         default=0.0, ge=0, le=0.99, description="a of grooves whose walls have slopes t(1 + a) and t(1 - a)"
     )

@@ -73,7 +73,10 @@ class Kernel:
         parts = min(_cores(), width // _WORTH_A_THREAD) or 1
         edges = [width * part // parts // self._lanes * self._lanes for part in range(parts)] + [width]
         spans = list(pairwise(edges))
-        waiting = [_threads().submit(self._part, arrays, outputs, *span) for span in spans[1:]]
+        try:
+            waiting = [_threads().submit(self._part, arrays, outputs, *span) for span in spans[1:]]
+        except RuntimeError:  # the interpreter is ending and starts no thread any more
+            waiting, spans = [], [(0, width)]
         self._part(arrays, outputs, *spans[0])
         for thread in waiting:
             thread.result()

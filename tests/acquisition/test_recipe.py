@@ -112,8 +112,8 @@ def test_a_list_of_exit_angles_is_kept_in_its_order() -> None:
         ({"fit": fit(free={"n": [1, 6], "k": [0, 8]})}, "sigma, the rms slope .* neither in free nor in fixed"),
         ({"fit": fit(fixed={"n": 1.5})}, "n stands in free as well"),
         ({"fit": fit(lobes=["diffuse"])}, "the diffuse lobe alone does not depend on k"),
-        ({"fit": fit(free={"sigma": [0, 1], "n": [1, 6], "k": [0, 8]})}, "greater than 0 and at most 10"),
-        ({"fit": fit(free={"sigma": [0.1, 11], "n": [1, 6], "k": [0, 8]})}, "greater than 0 and at most 10"),
+        ({"fit": fit(free={"sigma": [0, 1], "n": [1, 6], "k": [0, 8]})}, "from 1e-05 to 10"),
+        ({"fit": fit(free={"sigma": [0.1, 11], "n": [1, 6], "k": [0, 8]})}, "from 1e-05 to 10"),
         ({"fit": fit(free={"sigma": [0.1, 1], "n": [0, 6], "k": [0, 8]})}, "from 0.05 to 20"),
         ({"fit": fit(free={"sigma": [0.1, 1], "n": [2, 2], "k": [0, 8]})}, "the lowest value, then a higher one"),
         (

@@ -193,6 +193,8 @@ def test_symmetric_grooves_change_with_all_but_the_asymmetry_as_they_do_without_
 def test_derivatives_are_finite_to_every_edge(kind: str, index: complex) -> None:
     edges = np.array([0.0, 1e-160, 1e-9, 0.5, 1.0, np.radians(89.9999), np.pi / 2.0])
     ti, tr, phi = np.meshgrid(edges[1:], edges, [0.0, 1e-9, 2.0, np.pi, -np.pi, 7.0], indexing="ij")
+    mirror = (np.abs(ti - tr) < 1e-12) & (np.abs(ti * np.cos(phi / 2.0)) < 1e-12)  # where no more than one bounce is
+    ti, tr, phi = ti[~mirror], tr[~mirror], phi[~mirror]
     for asymmetry in (0.0, 0.999):
         for sigma in (1e-3, 0.5, 10.0):
             surface = Surface([make(kind, index, sigma=sigma, asymmetry=asymmetry)])
