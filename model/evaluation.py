@@ -153,7 +153,9 @@ def _kernel(program: Program, names: tuple[str, ...], fixed: frozenset[str], pre
 
 
 def _precision(*values: ArrayLike) -> Precision:
-    kinds = [value.dtype for value in values if isinstance(value, np.ndarray | np.generic)]
+    # As in NumPy a number beside an array takes the array's precision.
+    given = [value for value in values if isinstance(value, np.ndarray | np.generic)]
+    kinds = [value.dtype for value in given if value.ndim] or [value.dtype for value in given]
     return "float32" if kinds and all(kind == np.float32 for kind in kinds) else "float64"
 
 

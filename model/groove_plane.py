@@ -2,7 +2,7 @@
 
 Walls are parallel to a groove's axis, so that reflections keep the component of a ray along it. For given i and r the
 grooves that can send one into the other therefore lie across s, the direction of the horizontal part of i + r, for any
-number of bounces; physics of V-grooves, with T_i and T_r the angles of i and r from the normal in the (s, n) plane.
+number of bounces. T_i and T_r are the angles of i and r from the normal in the (s, n) plane.
 """
 
 from __future__ import annotations

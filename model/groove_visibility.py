@@ -1,8 +1,8 @@
 """How much of a groove's opening sends light through it in exactly k bounces: Δp over the opening's width W.
 
 In the groove unfolded about its bottom edge the walls become spokes with tips at distances L1, L2, L1, …, γ apart, and
-the ray a straight line that meets spokes 1 … k, but not 0 and k + 1. The shadow of section 4 is spoke 0 under another
-name. Let A_c be the angle from the middle of spokes 1 … k to the ray's normal: u D for odd k, u H - δ/2 for even k.
+the ray a straight line that meets spokes 1 … k, but neither k + 1 nor 0, the wall that may shade the first. Let A_c be
+the angle from the middle of spokes 1 … k to the ray's normal: u D for odd k, u H - δ/2 for even k.
 Every difference p_j - p_m is written as a product of sines, or a sum with the exact difference of lengths, before any
 number is formed: subtracting two p loses the small openings of steep grooves and the edges of the visible range.
 Lengths over W: l1 = c2·sqrt(1 + c1² t²)/2, l2 = c1·sqrt(1 + c2² t²)/2, so that l1² - l2² = (c2² - c1²)/4.

@@ -68,7 +68,9 @@ class Projection:
         """Stokes parameters of every lobe at weight 1, shape (N, 3, lobes)."""
         shapes = self.shapes(unit)
         lobes = [self.family.lobe(name, 1.0, shapes) for name in self.family.lobes]
-        return np.stack([self.family.seen([lobe]).stokes(*self._directions)[:, :3] for lobe in lobes], axis=-1)
+        # Light is linear in the weights: what a lobe sends at weight 1 is how fast the sum changes with it.
+        light = self.family.seen(lobes).jacobian(self.family.weights, *self._directions)[:, :3]
+        return np.asarray(light, np.float64)
 
     def columns(self, unit: FloatArray) -> FloatArray:
         """The same, whitened, shape (3N, lobes)."""

@@ -7,6 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from functools import cache
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -87,13 +88,18 @@ class Kernel:
         size, (_, stride) = self._dtype.itemsize, outputs.shape
         pointers = np.array(
             [
-                array.ctypes.data + (0 if uniform else start * size)
+                _address(array) + (0 if uniform else start * size)
                 for (_, uniform), array in zip(self._inputs, arrays, strict=True)
             ],
             np.uintp,
         )
         assert self._code is not None
-        self._code.call(stop - start, pointers.ctypes.data, outputs.ctypes.data + start * size, stride)
+        self._code.call(stop - start, _address(pointers), _address(outputs) + start * size, stride)
+
+
+def _address(array: NDArray[Any]) -> int:
+    address: int = array.__array_interface__["data"][0]  # several times faster than array.ctypes
+    return address
 
 
 def _cores() -> int:

@@ -40,7 +40,7 @@ def test_an_index_stands_in_for_a_material(scene_with):
         (("sample", "sigma"), "1e-3", "valid number"),
         (("sample", "sigma"), True, "valid number"),
         (("sample", "sigma"), math.nan, "finite"),
-        (("sample", "sigma"), 0, "greater than 0"),
+        (("sample", "sigma"), 0, "greater than or equal to 0.00001"),
         (("sample", "sigma"), 2.5, "less than or equal to 2"),
         (("sample", "rho_s"), -0.1, "greater than or equal to 0"),
         (("sample", "material"), "Unobtainium", "not known.*Fe"),
