@@ -28,7 +28,7 @@ _LN_2: dict[Precision, tuple[float, float]] = {
 # exp rounds to 0 here and below.
 _VANISHING: dict[Precision, float] = {"float64": -746.0, "float32": -104.0}
 # The same of exp(2 x). Single precision ends where its digits do: with fewer of them numbers are slow to compute with.
-_HALF_VANISHING: dict[Precision, float] = {"float64": -373.0, "float32": -43.5}
+_HALF_VANISHING: dict[Precision, float] = {"float64": -373.0, "float32": -43.0}
 # 2 to this power is a normal number, and so is what else exp of the above is to be multiplied by.
 _LEAST_EXPONENT: dict[Precision, float] = {"float64": -1000.0, "float32": -100.0}
 
@@ -153,7 +153,8 @@ def damped_exponential(factor: Value, x: Value, precision: Precision) -> Value:
     precision : Precision
         Type in which the arithmetic is done.
     """
-    root = exponential(x, precision)
+    # What is not taken is computed too, and must not be slow either.
+    root = exponential(maximum(x, _HALF_VANISHING[precision]), precision)
     return where(x > _HALF_VANISHING[precision], root * (factor * root), 0.0)
 
 
