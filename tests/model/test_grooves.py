@@ -99,7 +99,7 @@ def test_every_matrix_is_physical(k: int, ti: float, tr: float, phi: float, sigm
     assert matrix[0, 0] >= 0.0
     if np.isinf(matrix[0, 0]):
         assert k > 1
-        assert max(ti, tr) < 1e-149
+        assert max(ti, tr) < 1e-130  # with an azimuth of pi as it is rounded, ρ is 1e-16 of that
         return
     scale = matrix[0, 0] or 1.0
     assert eigenvalues(matrix / scale).min() >= -1e-13 or scale < 1e-300
