@@ -45,7 +45,7 @@ class Graph:
     """Expressions over a kernel's inputs, every one of them held once."""
 
     def __init__(self) -> None:
-        self._known: dict[tuple[object, ...], Symbol] = {}  # in the order in which they were made
+        self._known: dict[tuple[object, ...], Symbol] = {}
 
     def input(self, name: str) -> Symbol:
         """The symbol of an input."""

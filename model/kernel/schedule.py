@@ -115,7 +115,7 @@ def _needs(symbol: Symbol, block: Block | None) -> list[Symbol]:
         return list(symbol.arguments)
     inside = {s.serial for s in block.body}
     values = [result.arguments[1] for result in block.results]
-    outer = [argument for s in [*block.body] for argument in s.arguments if argument.serial not in inside]
+    outer = [argument for s in block.body for argument in s.arguments if argument.serial not in inside]
     return [block.mask, *(v for v in values if v.serial not in inside), *outer]
 
 

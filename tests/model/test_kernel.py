@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import multiprocessing
+import os
+import warnings
 from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
@@ -190,3 +193,18 @@ def test_first_calls_from_many_threads_at_once(tmp_path: Path, monkeypatch: pyte
         assert_array_equal(result, surfaces[number % 2].mueller(*at))
         assert result.any()
     assert len(list(tmp_path.iterdir())) == 2  # one file a kernel, and none half written
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="this system does not fork")
+def test_a_forked_process_computes_on_several_threads_too() -> None:
+    surface, exits = Surface([Diffuse(1.0, 0.3)]), np.linspace(0.0, 1.5, 40_000)
+    expected = surface.stokes(1.0, exits, 2.0)  # starts this process's threads
+    forked = multiprocessing.get_context("fork")
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", DeprecationWarning)  # that threads are not forked is what is tested
+        child = forked.Process(target=lambda: os._exit(int(not (surface.stokes(1.0, exits, 2.0) == expected).all())))
+        child.start()
+    child.join(30.0)
+    ended = child.exitcode
+    child.kill()
+    assert ended == 0

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
+from model.bounce_bound import Tolerance
 from model.lobes import Diffuse, Directional, Specular
 from model.mueller import depolarizer
 from model.stokes import dolp
@@ -136,3 +137,27 @@ def test_describe_says_what_is_in_and_what_is_left_out() -> None:
 def test_what_cannot_be_is_refused(make, message) -> None:
     with pytest.raises(ValueError, match=message):
         make()
+
+
+@pytest.mark.parametrize("azimuth", [np.pi, -np.pi, 3.0 * np.pi])
+@pytest.mark.parametrize("kind", [np.float64, np.float32])
+def test_the_mirror_direction_is_refused_as_its_angles_are_rounded(azimuth: float, kind: type) -> None:
+    surface = Surface([Specular(0.7, 0.4, 1.5 + 0j, bounces=3)])
+    at = kind(np.radians(60.0)), kind(np.radians(60.0)), kind(azimuth)
+    for evaluate in (surface.mueller, surface.stokes, lambda *at: surface.jacobian(["rho_s"], *at)):
+        with pytest.raises(ValueError, match=r"incidence 60°, exit 60°.*mirror direction itself.*acceptance cone"):
+            evaluate(*at)
+    assert np.isfinite(surface.stokes(at[0], at[1] + kind(1e-4), at[2])).all()
+    assert np.isfinite(Surface([Specular(0.7, 0.4, 1.5 + 0j)]).stokes(*at)).all()
+
+
+def test_a_tolerance_that_asks_for_endless_bounces_is_refused() -> None:
+    assert Specular(1.0, 0.3, 1.5 + 0j, bounces=Tolerance(1e-4)).followed == 3
+    with pytest.raises(ValueError, match="more than 32 bounces at sigma = 10"):
+        Specular(1.0, 10.0, 1.5 + 0j, bounces=Tolerance(1e-4))
+
+
+@pytest.mark.parametrize("bad", [np.nan, np.inf])
+def test_an_incoming_state_that_is_no_number_is_refused(bad: float) -> None:
+    with pytest.raises(ValueError, match=r"incoming holds .*finite elements"):
+        Surface([Diffuse(1.0, 0.3)]).stokes(0.1, 0.2, 0.3, [1.0, bad, 0.0, 0.0])
