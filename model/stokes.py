@@ -71,3 +71,8 @@ def require_stokes(values: ArrayLike) -> FloatArray:
             f"incoming holds {stokes[~finite][0].tolist()}; a Stokes vector has finite elements. Nothing was computed."
         )
     return stokes
+
+
+def is_unpolarized(stokes: FloatArray) -> bool:
+    """Whether this is one Stokes vector, and that of unpolarized light."""
+    return stokes.ndim == 1 and stokes[0] > 0.0 and not stokes[1:].any()

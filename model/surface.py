@@ -10,8 +10,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from model.evaluation import Addend, Light, Program, evaluate
 from model.lobes import Diffuse, Directional, Lobe, Specular
+from model.mirror_direction import require_off_mirror
 from model.mueller import UNPOLARIZED
-from model.stokes import require_stokes
+from model.stokes import is_unpolarized, require_stokes
 
 
 class Surface:
@@ -92,7 +93,7 @@ class Surface:
         """
         state = require_stokes(incoming)
         self._require_no_pole(incidence_rad, exit_rad, azimuth_rad)
-        if _is_unpolarized(state):
+        if is_unpolarized(state):
             elements = evaluate(self._program("unpolarized"), self._numbers, incidence_rad, exit_rad, azimuth_rad)
             elements = elements if state[0] == 1.0 else elements * state[0].astype(elements.dtype)
         else:
@@ -132,7 +133,7 @@ class Surface:
         names = require_parameters(parameters, self.parameters)
         state = require_stokes(incoming)
         self._require_no_pole(incidence_rad, exit_rad, azimuth_rad)
-        unpolarized = _is_unpolarized(state)
+        unpolarized = is_unpolarized(state)
         program = self._program("unpolarized" if unpolarized else "stokes", names)
         numbers = {**self._numbers, **self._rates(names)}
         given = None if unpolarized else state
@@ -201,28 +202,8 @@ class Surface:
         return known
 
     def _require_no_pole(self, incidence_rad: ArrayLike, exit_rad: ArrayLike, azimuth_rad: ArrayLike) -> None:
-        if not any(lobe.has_caustic for lobe in self.lobes):
-            return
-        incidence, exit_, azimuth = np.broadcast_arrays(incidence_rad, exit_rad, azimuth_rad)
-        # Closer than the angles' own rounding, which no azimuth of "pi" can beat, there is no other direction.
-        floats = [np.finfo(angle.dtype) for angle in (incidence, exit_, azimuth) if angle.dtype.kind == "f"]
-        coarsest = max(floats or [np.finfo(np.float64)], key=lambda kind: kind.eps)
-        rounding = 4.0 * float(coarsest.eps)
-        near = np.abs(incidence - exit_) <= rounding * incidence + 1e5 * float(coarsest.tiny) ** 0.5
-        if not near.any():
-            return
-        at = incidence[near], exit_[near], azimuth[near]
-        across = np.abs(np.cos(at[2] / 2.0)) * at[0]
-        pole = (at[0] < np.pi / 2.0) & (across <= rounding * np.maximum(1.0, np.abs(at[2])))
-        if pole.any():
-            where = "incidence {:.6g}°, exit {:.6g}°, azimuth {:.6g}°".format(
-                *(float(np.degrees(angle[pole][0])) for angle in at)
-            )
-            raise ValueError(
-                f"The direction at {where} is the mirror direction itself, where straight grooves send light of two "
-                f"and more bounces from every orientation: a point value there is infinite. Nothing was returned. "
-                f"Average over the instrument's acceptance cone (model.acceptance.Acceptance), or ask for bounces = 1."
-            )
+        if any(lobe.has_caustic for lobe in self.lobes):
+            require_off_mirror(incidence_rad, exit_rad, azimuth_rad)
 
 
 def require_parameters(asked: Sequence[str], known: Sequence[str]) -> tuple[str, ...]:
@@ -235,7 +216,3 @@ def require_parameters(asked: Sequence[str], known: Sequence[str]) -> tuple[str,
 
 def _rate(source: str, parameter: str) -> str:
     return f"{source} by {parameter}"
-
-
-def _is_unpolarized(state: NDArray[np.floating]) -> bool:
-    return state.ndim == 1 and state[0] > 0.0 and not state[1:].any()

@@ -20,7 +20,7 @@ from model.kernel.expression import Value
 from model.matrix import Matrix
 from model.mueller import UNPOLARIZED
 from model.slopes import require_sigma
-from model.stokes import require_stokes
+from model.stokes import is_unpolarized, require_stokes
 
 _NUMBERS = ("sigma", "asymmetry", "n", "k")
 
@@ -96,7 +96,7 @@ def bounce_stokes(
         If an argument is outside its range, or the Stokes vector has not four elements.
     """
     state = require_stokes(incoming)
-    unpolarized = state.ndim == 1 and state[0] > 0.0 and not state[1:].any()
+    unpolarized = is_unpolarized(state)
     program, numbers = _program(bounces, sigma, asymmetry, index, "unpolarized" if unpolarized else "stokes")
     elements = evaluate(program, numbers, incidence_rad, exit_rad, azimuth_rad, None if unpolarized else state)
     stokes = np.moveaxis(elements, 0, -1)

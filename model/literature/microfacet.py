@@ -11,7 +11,7 @@ from model.geometry import Angles, Facet, facet
 from model.groove_passage import single_bounce
 from model.groove_reflectance import facet_mueller
 from model.kernel.expression import Value
-from model.lobes.lobe import Lobe, format_index, require_weight
+from model.lobes.lobe import Lobe, format_index, index_numbers, require_weight
 from model.matrix import Matrix, scaled
 from model.slopes import normal_density, require_sigma
 
@@ -57,8 +57,7 @@ class Microfacet(Lobe):
     @property
     def numbers(self) -> Mapping[str, float]:
         """What the form computes with, by name."""
-        index = complex(self.index)
-        return {"rho_s": self.weight, "sigma": self.sigma, "n": index.real, "k": index.imag}
+        return {"rho_s": self.weight, "sigma": self.sigma, **index_numbers(self.index)}
 
     @property
     def width_rad(self) -> float:

@@ -11,7 +11,7 @@ from model.fresnel import require_index
 from model.geometry import Angles, facet
 from model.groove_reflectance import facet_mueller
 from model.kernel.expression import Value, damped
-from model.lobes.lobe import Lobe, Peak, format_index, require_weight
+from model.lobes.lobe import Lobe, Peak, format_index, index_numbers, require_weight
 from model.matrix import Matrix, scaled
 from model.slopes import require_sigma
 
@@ -60,8 +60,7 @@ class Directional(Lobe):
     @property
     def numbers(self) -> Mapping[str, float]:
         """What the form computes with, by name."""
-        index = complex(self.index)
-        return {"rho_dd": self.weight, "sigma": self.sigma, "n": index.real, "k": index.imag}
+        return {"rho_dd": self.weight, "sigma": self.sigma, **index_numbers(self.index)}
 
     @property
     def peak(self) -> Peak:

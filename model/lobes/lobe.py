@@ -63,3 +63,8 @@ def require_weight(name: str, weight: float) -> None:
 def format_index(index: complex) -> str:
     """A refractive index for a person."""
     return f"{index.real:.6g} + {index.imag:.6g}i" if index.imag else f"{index.real:.6g}"
+
+
+def index_numbers(index: complex) -> dict[str, float]:
+    """A refractive index n + ik as the numbers n and k."""
+    return {"n": complex(index).real, "k": complex(index).imag}

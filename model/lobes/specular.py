@@ -17,7 +17,7 @@ from model.fresnel import require_index
 from model.geometry import Angles
 from model.groove_reflectance import groove_mueller
 from model.kernel.expression import Value
-from model.lobes.lobe import Lobe, format_index, require_weight
+from model.lobes.lobe import Lobe, format_index, index_numbers, require_weight
 from model.matrix import Matrix, scaled
 from model.single_fresnel import single_fresnel_mueller
 from model.slopes import require_sigma
@@ -89,8 +89,7 @@ class Specular(Lobe):
     @property
     def numbers(self) -> Mapping[str, float]:
         """What the form computes with, by name."""
-        n, k = complex(self.index).real, complex(self.index).imag
-        numbers = {"rho_s": self.weight, "sigma": self.sigma, "n": n, "k": k}
+        numbers = {"rho_s": self.weight, "sigma": self.sigma, **index_numbers(self.index)}
         return numbers if self.reading == "single-fresnel" else {**numbers, "asymmetry": self.asymmetry}
 
     @property
