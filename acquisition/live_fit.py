@@ -8,11 +8,11 @@ from types import TracebackType
 from typing import Self
 
 from acquisition.events import FitRefused, FitUpdated
-from acquisition.fit_points import stokes_data
+from acquisition.fit_points import dataset
 from acquisition.readings import StokesPoint
 from goniometer.errors import FitError
 from model.fit import FitResult, SurfaceFamily, fit
-from model.search import Search
+from model.fit.start import Search
 
 _POOR_FIT = 3.0
 """Chi-square per degree of freedom above which a warm start is not trusted and the search begins anew."""
@@ -81,10 +81,9 @@ class LiveFit:
                 self._news = None if self._ended else news
 
     def _fit(self, points: Sequence[StokesPoint], last: FitResult | None) -> FitResult:
-        data = stokes_data(points)
+        data = dataset(points)
         if last is not None:
-            start = {name: estimate.value for name, estimate in last.parameters.items()}
-            result = fit(data, self._family, start=start)
+            result = fit(data, self._family, start=last.values)
             if result.chi_square <= _POOR_FIT * max(result.degrees_of_freedom, 1):
                 return result
         return fit(data, self._family, search=self._search)

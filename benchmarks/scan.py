@@ -14,7 +14,7 @@ from pathlib import Path
 import goniometer
 from acquisition.engine import Bench, Engine
 from acquisition.events import FitUpdated, ScanEnded
-from acquisition.fit_points import stokes_data, surface_family
+from acquisition.fit_points import dataset, surface_family
 from acquisition.journal import Journal
 from goniometer.assembly import connected
 from goniometer.bench import served_ports, simulate
@@ -119,9 +119,8 @@ def live_fit_update_ms():
     family, last, times_ms = surface_family(stored.recipe.fit, acceptance_sr), None, []
     for count in range(20, len(stored.points) + 1):
         start = time.perf_counter()
-        data = stokes_data(stored.points[:count])
-        values = last and {name: estimate.value for name, estimate in last.parameters.items()}
-        last = fit(data, family, start=values)
+        data = dataset(stored.points[:count])
+        last = fit(data, family, start=last and last.values)
         times_ms.append(1e3 * (time.perf_counter() - start))
     return sorted(times_ms[1:])
 

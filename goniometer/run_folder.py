@@ -11,7 +11,7 @@ from pathlib import Path
 import yaml
 
 from acquisition import journal
-from acquisition.fit_points import stokes_data, surface_family
+from acquisition.fit_points import dataset, surface_family
 from acquisition.journal import Journal
 from acquisition.nexus import write_nexus
 from acquisition.readings import Reading, StokesPoint
@@ -104,7 +104,7 @@ def load(folder: str | Path) -> StoredRun:
     result, refusal = None, ""
     try:
         family = surface_family(recipe.fit, rig.calibration.acceptance_sr)
-        result = fit(stokes_data(points), family, search=recipe.fit.search)
+        result = fit(dataset(points), family, search=recipe.fit.search)
     except FitError as error:
         refusal = str(error)
     return StoredRun(folder, recipe, readings, points, result, refusal, scene_truth(about["scene"]), about)

@@ -35,10 +35,11 @@ _AT_ONCE = 2**18
 
 
 @dataclass(frozen=True)
-class _Part:
-    """The lobes that stand about one direction, and the width of the narrowest."""
+class Part:
+    """The lobes that stand about one direction, by their places in the surface, and the width of the narrowest."""
 
     surface: Surface
+    places: tuple[int, ...]
     peak: Peak
     width_rad: float
 
@@ -113,10 +114,10 @@ class Acceptance:
         self.nodes = nodes
         # Lobes narrower than the cone are resolved where they stand.
         peaks: tuple[Peak, ...] = ("mirror", "normal")
-        self._parts = [
-            _Part(Surface(lobes), peak, min(lobe.width_rad for lobe in lobes))
+        self.parts = [
+            _part(surface, places, peak)
             for peak in peaks
-            if (lobes := [lobe for lobe in surface.lobes if lobe.peak == peak])
+            if (places := tuple(place for place, lobe in enumerate(surface.lobes) if lobe.peak == peak))
         ]
 
     @property
@@ -204,13 +205,13 @@ class Acceptance:
         states = incoming
         if incoming is not None and states_shape:
             states = np.broadcast_to(incoming, (*shape, 4)).reshape(-1, 1, 4)
-        total = sum(self._mean_of_part(part, evaluate, flat, states, not states_shape) for part in self._parts)
+        total = sum(self._mean_of_part(part, evaluate, flat, states, not states_shape) for part in self.parts)
         mean = np.asarray(total)
         return mean.reshape(*shape, *mean.shape[1:])
 
     def _mean_of_part(
         self,
-        part: _Part,
+        part: Part,
         evaluate: Callable[..., FloatArray],
         directions: Sequence[FloatArray],
         states: FloatArray | None,
@@ -227,7 +228,11 @@ class Acceptance:
             means.append(np.einsum("pn,pn...->p...", at.weight, evaluate(part.surface, at, *extra)))
         return np.concatenate(means)
 
-    def _panels(self, part: _Part, directions: Sequence[FloatArray]) -> int:
+    def rays(self, part: Part, directions: Sequence[FloatArray]) -> Rays:
+        """The rays by which the mean of a part is taken, for central directions (pairs,)."""
+        return self._rays(part, self._panels(part, directions), *directions)
+
+    def _panels(self, part: Part, directions: Sequence[FloatArray]) -> int:
         # Across the plane of incidence a lobe about the mirror direction is narrower by the cosine.
         widest = max(self.detector_half_angle_rad, self.source_half_angle_rad)
         polar = max((float(angle.max(initial=0.0)) for angle in directions[:2]), default=0.0)
@@ -235,7 +240,7 @@ class Acceptance:
         halvings = math.log2(widest / (part.width_rad * across)) if widest and math.isfinite(part.width_rad) else 0.0
         return 1 + max(0, math.ceil(halvings))
 
-    def _rays(self, part: _Part, panels: int, incidence: FloatArray, exit_: FloatArray, azimuth: FloatArray) -> Rays:
+    def _rays(self, part: Part, panels: int, incidence: FloatArray, exit_: FloatArray, azimuth: FloatArray) -> Rays:
         count = len(incidence)
         lamp_polar, lamp_turn = incidence[:, None], np.zeros((count, 1))
         weight = np.ones((count, 1))
@@ -266,6 +271,11 @@ class Acceptance:
                 np.cos(azimuth_node - azimuth[:, None]), -np.cos(exit_node) * np.sin(azimuth_node - azimuth[:, None])
             ),
         )
+
+
+def _part(surface: Surface, places: tuple[int, ...], peak: Peak) -> Part:
+    lobes = [surface.lobes[place] for place in places]
+    return Part(Surface(lobes), places, peak, min(lobe.width_rad for lobe in lobes))
 
 
 def _frame_turn(x: FloatArray, y: FloatArray) -> Rotation[FloatArray]:

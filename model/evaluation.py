@@ -21,7 +21,7 @@ from model.matrix import Matrix, applied, total
 
 # What is asked for: all of the Mueller matrix, its product with a Stokes vector, or with that of unpolarized light.
 Light = Literal["mueller", "stokes", "unpolarized"]
-_DIRECTIONS = ("incidence", "exit", "azimuth")
+DIRECTIONS = ("incidence", "exit", "azimuth")
 _STATE = ("s0", "s1", "s2", "s3")
 
 
@@ -59,23 +59,30 @@ class Program:
         Numbers that the addends take.
     light : Light
         What to make of the sum.
-    changes : tuple of tuple of (str, str)
-        For each derivative wanted, the inputs that change, each with the input that holds how fast it does; if no
-        derivative is, the light itself is computed.
+    changes : tuple of tuple of (str, str or float)
+        For each derivative wanted, the inputs that change, each with how fast it does: a number, or the input that
+        holds it. If no derivative is, the light itself is computed.
+    with_light : bool
+        Whether the light comes before its derivatives.
     """
 
     addends: tuple[Addend, ...]
     inputs: tuple[str, ...]
     light: Light
-    changes: tuple[tuple[tuple[str, str], ...], ...] = ()
+    changes: tuple[tuple[tuple[str, str | float], ...], ...] = ()
+    with_light: bool = False
 
     def record(self, symbols: Mapping[str, Symbol]) -> list[Value]:
         """The outputs, made of the inputs' symbols."""
-        incidence, exit_, azimuth = (symbols[name] for name in _DIRECTIONS)
-        outputs = list(self._light(angles(incidence, exit_, azimuth), symbols))
+        incidence, exit_, azimuth = (symbols[name] for name in DIRECTIONS)
+        outputs = light = list(self._light(angles(incidence, exit_, azimuth), symbols))
         if self.changes:
-            seeds = [{name: symbols[rate] for name, rate in changing} for changing in self.changes]
-            outputs = [slope for seed in seeds for slope in derivatives(outputs, seed)]
+            seeds = [
+                {name: symbols[rate] if isinstance(rate, str) else rate for name, rate in changing}
+                for changing in self.changes
+            ]
+            slopes = [slope for seed in seeds for slope in derivatives(light, seed)]
+            outputs = [*light, *slopes] if self.with_light else slopes
         above = both(incidence < math.pi / 2.0, exit_ < math.pi / 2.0)
         return [where(above, output, 0.0) for output in outputs]
 
@@ -130,7 +137,7 @@ def evaluate(
     precision = _precision(incidence_rad, exit_rad, azimuth_rad)
     streams = [np.asarray(angle, precision) for angle in (incidence_rad, exit_rad, azimuth_rad)]
     streams[2] = within_a_few_turns(streams[2])
-    names = list(_DIRECTIONS)
+    names = list(DIRECTIONS)
     if incoming is not None:
         streams += list(np.moveaxis(np.asarray(incoming, precision), -1, 0))
         names += _STATE

@@ -135,7 +135,7 @@ class Surface:
         self._require_no_pole(incidence_rad, exit_rad, azimuth_rad)
         unpolarized = is_unpolarized(state)
         program = self._program("unpolarized" if unpolarized else "stokes", names)
-        numbers = {**self._numbers, **self._rates(names)}
+        numbers = {**self._numbers, **_as_inputs(self._rates(names))}
         given = None if unpolarized else state
         elements = evaluate(program, numbers, incidence_rad, exit_rad, azimuth_rad, given)
         if unpolarized and state[0] != 1.0:
@@ -176,13 +176,13 @@ class Surface:
             for name, source in pairs
         }
 
-    def _rates(self, parameters: Sequence[str]) -> dict[str, float]:
-        """How fast every input changes with every parameter, by the names that the program has for these rates."""
-        rates: dict[str, float] = {}
+    def _rates(self, parameters: Sequence[str]) -> dict[tuple[str, str], float]:
+        """How fast every input changes with every parameter, where it does."""
+        rates: dict[tuple[str, str], float] = {}
         for parameter in parameters:
             for lobe, pairs in zip(self.lobes, self._wiring, strict=True):
-                changing = lobe.rates(parameter)
-                rates |= {_rate(source, parameter): changing[name] for name, source in pairs if name in changing}
+                changing = lobe.rates(parameter, lobe.values)
+                rates |= {(source, parameter): changing[name] for name, source in pairs if name in changing}
         return rates
 
     def _program(self, light: Light, varied: tuple[str, ...] = ()) -> Program:
@@ -194,10 +194,14 @@ class Surface:
             )
             rates = self._rates(varied)
             changes = tuple(
-                tuple((source, _rate(source, name)) for source in self._numbers if _rate(source, name) in rates)
+                tuple(
+                    (source, rate_input(source, name, rates[source, name]))
+                    for source in self._numbers
+                    if (source, name) in rates
+                )
                 for name in varied
             )
-            known = Program(addends, (*self._numbers, *rates), light, changes)
+            known = Program(addends, (*self._numbers, *_as_inputs(rates)), light, changes)
             self._programs[light, varied] = known
         return known
 
@@ -214,5 +218,14 @@ def require_parameters(asked: Sequence[str], known: Sequence[str]) -> tuple[str,
     return names
 
 
-def _rate(source: str, parameter: str) -> str:
-    return f"{source} by {parameter}"
+def rate_input(source: str, parameter: str, rate: float | NDArray[np.floating]) -> str | float:
+    """How a program gets to know how fast an input changes with a parameter: 1 is in the formula, all else an input."""
+    return 1.0 if isinstance(rate, float) and rate == 1.0 else f"{source} by {parameter}"
+
+
+def _as_inputs(rates: dict[tuple[str, str], float]) -> dict[str, float]:
+    return {
+        name: rate
+        for (source, parameter), rate in rates.items()
+        if isinstance(name := rate_input(source, parameter, rate), str)
+    }

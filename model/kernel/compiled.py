@@ -22,7 +22,7 @@ class MachineCode:
     Parameters
     ----------
     assembly : str
-        LLVM assembly that defines ``@kernel``.
+        LLVM assembly that defines ``@repeated``.
     """
 
     def __init__(self, assembly: str) -> None:
@@ -41,8 +41,9 @@ class MachineCode:
             self._engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), machine)
             self._engine.add_object_file(llvm.ObjectFileRef.from_data(code))
             self._engine.finalize_object()
-            address = self._engine.get_function_address("kernel")
-        signature = ctypes.CFUNCTYPE(None, ctypes.c_int64, ctypes.c_void_p, ctypes.c_void_p, ctypes.c_int64)
+            address = self._engine.get_function_address("repeated")
+        number, pointer = ctypes.c_int64, ctypes.c_void_p
+        signature = ctypes.CFUNCTYPE(None, number, *[pointer] * 4, *[number] * 3)
         self.call = signature(address)
 
 

@@ -54,30 +54,41 @@ class Kernel:
 
     def __call__(self, arrays: Sequence[NDArray[np.floating]], count: int) -> NDArray[np.floating]:
         """Outputs (outputs, count) from one array a non-uniform input (count,) and one number a uniform one."""
+        rows: NDArray[np.floating] = self.repeated([array.reshape(1, -1) for array in arrays], 1, count)[0]
+        return rows
+
+    def repeated(self, arrays: Sequence[NDArray[np.floating]], times: int, count: int) -> NDArray[np.floating]:
+        """Outputs (times, outputs, count) for many sets of inputs.
+
+        Each array has the shape (times, count) or (times, 1), or with 1 in place of `times` what all sets share.
+        """
         width = max(count, self._lanes)
         taken = [self._taken(array, uniform, width) for (_, uniform), array in zip(self._inputs, arrays, strict=True)]
-        outputs = np.empty((self._rows, width), self._dtype)
+        outputs = np.empty((times, self._rows, width), self._dtype)
         for row, number in self._numbers.items():
-            outputs[row] = number
-        if self._code is not None and count:
+            outputs[:, row] = number
+        if self._code is not None and count and times:
             self._run(taken, outputs)
-        return outputs[:, :count]
+        return outputs[..., :count]
 
     def _taken(self, array: NDArray[np.floating], uniform: bool, width: int) -> NDArray[np.floating]:
         values = np.ascontiguousarray(array, self._dtype)
-        if uniform or values.size >= width:
-            return values
-        return np.resize(values, width) if values.size else np.zeros(width, self._dtype)
+        short = values.shape[1] < width and not uniform
+        if short:
+            values = values[:, np.arange(width) % values.shape[1]] if values.size else np.zeros((1, width), self._dtype)
+        return values
 
     def _run(self, arrays: Sequence[NDArray[np.floating]], outputs: NDArray[np.floating]) -> None:
-        width = outputs.shape[1]
-        parts = min(_cores(), width // _WORTH_A_THREAD) or 1
-        edges = [width * part // parts // self._lanes * self._lanes for part in range(parts)] + [width]
-        spans = list(pairwise(edges))
+        times, _, width = outputs.shape
+        parts = min(_cores(), times * width // _WORTH_A_THREAD) or 1
+        # One set is shared out by its directions, many are as wholes.
+        whole, grain = (times, 1) if times > 1 else (width, self._lanes)
+        edges = [whole * part // parts // grain * grain for part in range(parts)] + [whole]
+        spans = [span for span in pairwise(edges) if span[0] < span[1]]
         try:
             waiting = [_threads().submit(self._part, arrays, outputs, *span) for span in spans[1:]]
         except RuntimeError:  # the interpreter is ending and starts no thread any more
-            waiting, spans = [], [(0, width)]
+            waiting, spans = [], [(0, whole)]
         self._part(arrays, outputs, *spans[0])
         for thread in waiting:
             thread.result()
@@ -85,16 +96,16 @@ class Kernel:
     def _part(
         self, arrays: Sequence[NDArray[np.floating]], outputs: NDArray[np.floating], start: int, stop: int
     ) -> None:
-        size, (_, stride) = self._dtype.itemsize, outputs.shape
-        pointers = np.array(
-            [
-                _address(array) + (0 if uniform else start * size)
-                for (_, uniform), array in zip(self._inputs, arrays, strict=True)
-            ],
-            np.uintp,
-        )
+        size, (times, _, width) = self._dtype.itemsize, outputs.shape
+        one = times == 1
+        count, repeats = (stop - start, 1) if one else (width, stop - start)
+        offsets = np.array([0 if one and uniform else start for _, uniform in self._inputs], np.int64)
+        steps = np.array([0 if len(array) == 1 else array.strides[0] for array in arrays], np.int64)
+        pointers = np.array([_address(array) for array in arrays], np.int64) + offsets * (size if one else steps)
+        moving = np.empty_like(pointers)
+        first = _address(outputs) + start * (size if one else outputs.strides[0])
         assert self._code is not None
-        self._code.call(stop - start, _address(pointers), _address(outputs) + start * size, stride)
+        self._code.call(repeats, *map(_address, (pointers, steps, moving)), first, outputs.strides[0], count, width)
 
 
 def _address(array: NDArray[Any]) -> int:

@@ -3,6 +3,9 @@
 The function it makes is ``void kernel(i64 count, ptr inputs, ptr outputs, i64 stride)``: an array of pointers to the
 inputs, outputs `stride` numbers apart, `count` at least as many as are computed at once. The last step of the loop
 overlaps the one before, so that no direction needs a path of its own.
+
+Another, ``void repeated(i64 times, ptr inputs, ptr steps, ptr moving, ptr outputs, i64 step, i64 count, i64 stride)``,
+calls it for many sets of inputs: pointers move on by their steps, in bytes, from one to the next.
 """
 
 from __future__ import annotations
@@ -102,8 +105,8 @@ class _Writer:
         )
         return (
             f"{declarations}\n"
-            f"define void @kernel(i64 %count, ptr noalias %inputs, ptr noalias %outputs, i64 %stride) {{\n"
-            f"entry:\n{body}\n}}\n"
+            f"define internal void @kernel(i64 %count, ptr noalias %inputs, ptr noalias %outputs, i64 %stride) "
+            f"noinline {{\nentry:\n{body}\n}}\n{_repeated(len(self.inputs))}"
         )
 
     def line(self, instruction: str, name: str | None = None) -> str:
@@ -207,3 +210,34 @@ class _Writer:
                 f"phi {self.vector} [ {value}, %{inside} ], [ zeroinitializer, %{before} ]"
             )
         return after
+
+
+def _repeated(inputs: int) -> str:
+    moves = "\n".join(
+        f"""%from{i} = getelementptr ptr, ptr %inputs, i64 {i}
+%base{i} = load ptr, ptr %from{i}
+%by{i} = getelementptr i64, ptr %steps, i64 {i}
+%step{i} = load i64, ptr %by{i}
+%far{i} = mul i64 %step{i}, %n
+%there{i} = getelementptr i8, ptr %base{i}, i64 %far{i}
+%to{i} = getelementptr ptr, ptr %moving, i64 {i}
+store ptr %there{i}, ptr %to{i}"""
+        for i in range(inputs)
+    )
+    arguments = "i64 %times, ptr %inputs, ptr %steps, ptr %moving, ptr %outputs, i64 %step, i64 %count, i64 %stride"
+    return f"""define void @repeated({arguments}) {{
+entry:
+br label %loop
+loop:
+%n = phi i64 [ 0, %entry ], [ %next, %loop ]
+{moves}
+%far = mul i64 %step, %n
+%there = getelementptr i8, ptr %outputs, i64 %far
+call void @kernel(i64 %count, ptr %moving, ptr %there, i64 %stride)
+%next = add i64 %n, 1
+%more = icmp slt i64 %next, %times
+br i1 %more, label %loop, label %end
+end:
+ret void
+}}
+"""

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Self
 
 from model.evaluation import Form
 from model.fresnel import require_index
@@ -42,14 +43,13 @@ class BodyDiffuse(Lobe):
         require_index(complex(self.index))
 
     @property
-    def parameters(self) -> tuple[str, ...]:
-        """Names of the numbers that a fit may vary."""
-        return "rho_d", "n"
-
-    @property
-    def numbers(self) -> Mapping[str, float]:
-        """What the form computes with, by name."""
+    def values(self) -> Mapping[str, float]:
+        """The parameters that a fit may vary, by name."""
         return {"rho_d": self.weight, "n": self.index}
+
+    def with_values(self, values: Mapping[str, float]) -> Self:
+        """The same lobe with these values of all its parameters."""
+        return replace(self, weight=values["rho_d"], index=values["n"])
 
     def form(self, varied: frozenset[str]) -> Form:
         """How the lobe follows from its numbers."""

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Self
 
 from model.evaluation import Form
 from model.fresnel import require_index
@@ -46,14 +47,13 @@ class Ggx(Lobe):
             raise ValueError(f"alpha is {self.alpha}; the width of GGX slopes must be a finite number above 0.")
 
     @property
-    def parameters(self) -> tuple[str, ...]:
-        """Names of the numbers that a fit may vary."""
-        return "rho_s", "alpha", "n"
-
-    @property
-    def numbers(self) -> Mapping[str, float]:
-        """What the form computes with, by name."""
+    def values(self) -> Mapping[str, float]:
+        """The parameters that a fit may vary, by name."""
         return {"rho_s": self.weight, "alpha": self.alpha, "n": self.index}
+
+    def with_values(self, values: Mapping[str, float]) -> Self:
+        """The same lobe with these values of all its parameters."""
+        return replace(self, weight=values["rho_s"], alpha=values["alpha"], index=values["n"])
 
     @property
     def width_rad(self) -> float:

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Self
 
 from model.evaluation import Form
 from model.geometry import Angles
@@ -34,22 +35,17 @@ class Lambertian(Lobe):
         require_weight("rho_d", self.weight)
 
     @property
-    def parameters(self) -> tuple[str, ...]:
-        """Names of the numbers that a fit may vary."""
-        return ("rho_d",)
-
-    @property
-    def numbers(self) -> Mapping[str, float]:
-        """What the form computes with, by name."""
+    def values(self) -> Mapping[str, float]:
+        """The parameters that a fit may vary, by name."""
         return {"rho_d": self.weight}
+
+    def with_values(self, values: Mapping[str, float]) -> Self:
+        """The same lobe with these values of all its parameters."""
+        return replace(self, weight=values["rho_d"])
 
     def form(self, varied: frozenset[str]) -> Form:
         """How the lobe follows from its numbers."""
         return Form(_even)
-
-    def rates(self, parameter: str) -> Mapping[str, float]:
-        """How fast each of the numbers changes with a parameter."""
-        return {"rho_d": 1.0} if parameter == "rho_d" else {}
 
     def describe(self) -> str:
         """What the lobe is, and what it leaves out, for a person."""

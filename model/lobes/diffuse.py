@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import Literal
+from dataclasses import dataclass, replace
+from typing import Literal, Self
+
+import numpy as np
 
 from model.evaluation import Form
 from model.geometry import Angles, facet
@@ -55,26 +57,29 @@ class Diffuse(Lobe):
             raise ValueError(f"averages is {self.averages!r}; they are printed or exact.")
 
     @property
-    def parameters(self) -> tuple[str, ...]:
-        """Names of the numbers that a fit may vary."""
-        return "rho_d", "sigma"
+    def values(self) -> Mapping[str, float]:
+        """The parameters that a fit may vary, by name."""
+        return {"rho_d": self.weight, "sigma": self.sigma}
 
-    @property
-    def numbers(self) -> Mapping[str, float]:
-        """What the form computes with, by name."""
-        (c1, c2), _ = self._averages()
-        return {"rho_d": self.weight, "c1": c1, "c2": c2}
+    def with_values(self, values: Mapping[str, float]) -> Self:
+        """The same lobe with these values of all its parameters."""
+        return replace(self, weight=values["rho_d"], sigma=values["sigma"])
+
+    def numbers_of(self, values: Mapping[str, float]) -> Mapping[str, float]:
+        """What the form computes with for these values of the parameters."""
+        (c1, c2), _ = self._averages(values["sigma"])
+        return {"rho_d": values["rho_d"], "c1": c1, "c2": c2}
 
     def form(self, varied: frozenset[str]) -> Form:
         """How the lobe follows from its numbers."""
         return Form(_lambertian_facets)
 
-    def rates(self, parameter: str) -> Mapping[str, float]:
+    def rates(self, parameter: str, values: Mapping[str, float]) -> Mapping[str, float]:
         """How fast each of the numbers changes with a parameter."""
         if parameter == "sigma":
-            _, (d_c1, d_c2) = self._averages()
+            _, (d_c1, d_c2) = self._averages(values["sigma"])
             return {"c1": d_c1, "c2": d_c2}
-        return {"rho_d": 1.0} if parameter == "rho_d" else {}
+        return super().rates(parameter, values)
 
     def describe(self) -> str:
         """What the lobe is, and what it leaves out, for a person."""
@@ -88,8 +93,14 @@ class Diffuse(Lobe):
             f"negative (grazing exit on the mirror side)."
         )
 
-    def _averages(self) -> tuple[tuple[float, float], tuple[float, float]]:
-        return printed_averages(self.sigma) if self.averages == "printed" else exact_averages(self.sigma)
+    def _averages(self, sigma: float) -> tuple[tuple[float, float], tuple[float, float]]:
+        if self.averages == "printed":
+            return printed_averages(sigma)
+        if not np.ndim(sigma):
+            return exact_averages(sigma)
+        many = np.array([exact_averages(float(one)) for one in np.ravel(sigma)])
+        (c1, c2), (d_c1, d_c2) = np.moveaxis(many, 0, -1).reshape(2, 2, *np.shape(sigma))
+        return (c1, c2), (d_c1, d_c2)
 
 
 def printed_averages(sigma: float) -> tuple[tuple[float, float], tuple[float, float]]:

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Self
 
 from model.evaluation import Form
 from model.fresnel import require_index
@@ -53,14 +54,13 @@ class Directional(Lobe):
             raise ValueError(f"exponent is {self.exponent!r}; it is 1 (printed) or 2 (smooth).")
 
     @property
-    def parameters(self) -> tuple[str, ...]:
-        """Names of the numbers that a fit may vary."""
-        return "rho_dd", "sigma", "n", "k"
-
-    @property
-    def numbers(self) -> Mapping[str, float]:
-        """What the form computes with, by name."""
+    def values(self) -> Mapping[str, float]:
+        """The parameters that a fit may vary, by name."""
         return {"rho_dd": self.weight, "sigma": self.sigma, **index_numbers(self.index)}
+
+    def with_values(self, values: Mapping[str, float]) -> Self:
+        """The same lobe with these values of all its parameters."""
+        return replace(self, weight=values["rho_dd"], sigma=values["sigma"], index=complex(values["n"], values["k"]))
 
     @property
     def peak(self) -> Peak:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
-from typing import Literal
+from typing import Literal, Self
 
 import numpy as np
 
@@ -18,13 +18,12 @@ class Lobe(ABC):
 
     @property
     @abstractmethod
-    def parameters(self) -> tuple[str, ...]:
-        """Names of the numbers that a fit may vary."""
+    def values(self) -> Mapping[str, float]:
+        """The parameters that a fit may vary, by name."""
 
-    @property
     @abstractmethod
-    def numbers(self) -> Mapping[str, float]:
-        """What the form computes with, by name."""
+    def with_values(self, values: Mapping[str, float]) -> Self:
+        """The same lobe with these values of all its parameters."""
 
     @abstractmethod
     def form(self, varied: frozenset[str]) -> Form:
@@ -34,9 +33,23 @@ class Lobe(ABC):
     def describe(self) -> str:
         """What the lobe is, and what it leaves out, for a person."""
 
-    def rates(self, parameter: str) -> Mapping[str, float]:
-        """How fast each of the numbers changes with a parameter; a number not named stays."""
-        return {parameter: 1.0} if parameter in self.parameters else {}
+    @property
+    def parameters(self) -> tuple[str, ...]:
+        """Names of the parameters that a fit may vary."""
+        return tuple(self.values)
+
+    @property
+    def numbers(self) -> Mapping[str, float]:
+        """What the form computes with, by name."""
+        return self.numbers_of(self.values)
+
+    def numbers_of(self, values: Mapping[str, float]) -> Mapping[str, float]:
+        """What the form computes with for these values of the parameters; arrays stand for many lobes at once."""
+        return values
+
+    def rates(self, parameter: str, values: Mapping[str, float]) -> Mapping[str, float]:
+        """How fast each of the numbers changes with a parameter where they have these values; others stay."""
+        return {parameter: 1.0} if parameter in values else {}
 
     @property
     def has_caustic(self) -> bool:

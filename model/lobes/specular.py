@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Literal
+from typing import Literal, Self
 
 import numpy as np
 
@@ -81,16 +81,20 @@ class Specular(Lobe):
         return self.bounces
 
     @property
-    def parameters(self) -> tuple[str, ...]:
-        """Names of the numbers that a fit may vary."""
-        shapes = ("rho_s", "sigma", "n", "k")
-        return shapes if self.reading == "single-fresnel" else (*shapes, "asymmetry")
+    def values(self) -> Mapping[str, float]:
+        """The parameters that a fit may vary, by name."""
+        values = {"rho_s": self.weight, "sigma": self.sigma, **index_numbers(self.index)}
+        return values if self.reading == "single-fresnel" else {**values, "asymmetry": self.asymmetry}
 
-    @property
-    def numbers(self) -> Mapping[str, float]:
-        """What the form computes with, by name."""
-        numbers = {"rho_s": self.weight, "sigma": self.sigma, **index_numbers(self.index)}
-        return numbers if self.reading == "single-fresnel" else {**numbers, "asymmetry": self.asymmetry}
+    def with_values(self, values: Mapping[str, float]) -> Self:
+        """The same lobe with these values of all its parameters."""
+        return replace(
+            self,
+            weight=values["rho_s"],
+            sigma=values["sigma"],
+            index=complex(values["n"], values["k"]),
+            asymmetry=values.get("asymmetry", 0.0),
+        )
 
     @property
     def has_caustic(self) -> bool:

@@ -9,11 +9,11 @@ from acquisition import live_fit
 from acquisition.events import FitRefused, FitUpdated
 from acquisition.live_fit import LiveFit
 from acquisition.readings import StokesPoint
-from model.fit import SurfaceFamily, fit
+from model.fit import fit, lobe_family
 from model.lobes import Diffuse, Specular
 from model.surface import Surface
 
-FAMILY = SurfaceFamily(("specular", "diffuse"), {"sigma": (0.02, 1.0), "n": (1.05, 3.0)}, {"k": 0.0})
+FAMILY = lobe_family(("specular", "diffuse"), {"sigma": (0.02, 1.0), "n": (1.05, 3.0)}, {"k": 0.0})
 
 
 def points_of(sigma, n, count=25):
@@ -87,7 +87,7 @@ def test_submitting_never_waits_and_the_newest_points_win(monkeypatch):
     sizes = []
 
     def slow(data, family, **how):
-        sizes.append(len(data.stokes))
+        sizes.append(len(data.values))
         begun.set()
         go_on.wait(10.0)
         return fit(data, family, **how)

@@ -45,6 +45,8 @@ FIT = FitResult(
     names=("sigma",),
     correlation=np.eye(1),
     stokes=np.array([point.stokes for point in POINTS]) * 1.01,
+    columns=("s0", "s1", "s2"),
+    fitted=np.array([point.stokes for point in POINTS]) * 1.01,
     surface=Surface([Diffuse(0.1, 0.3)]),
 )
 PROVENANCE = {"recipe": "recipe: iron\nwavelength_nm: 550  # µ\n", "scene": "", "numpy": "2.0", "a/b": "slash"}

@@ -57,6 +57,8 @@ FIT = FitResult(
     names=("sigma", "n"),
     correlation=np.eye(2),
     stokes=np.array([[0.5, 0.1, 0.0]]),
+    columns=("s0", "s1", "s2"),
+    fitted=np.array([[0.5, 0.1, 0.0]]),
     surface=Surface([Diffuse(0.1, 0.3)]),
 )
 EVENTS: list[Event] = [

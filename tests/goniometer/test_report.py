@@ -60,6 +60,8 @@ def _fit(points: list[StokesPoint]) -> FitResult:
         names=("sigma", "n"),
         correlation=np.eye(2),
         stokes=np.array([np.abs(point.stokes) for point in points]),
+        columns=("s0", "s1", "s2"),
+        fitted=np.array([np.abs(point.stokes) for point in points]),
         surface=Surface([Diffuse(0.1, 0.3)]),
     )
 

@@ -1,0 +1,272 @@
+"""A family of surfaces: their lobes, and which parameters are free, held, tied to others or known beforehand."""
+
+from __future__ import annotations
+
+import copy
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+
+from model.acceptance import Acceptance
+from model.bounce_bound import Tolerance
+from model.fit.quantities import INSTRUMENT, NOMINAL, is_weight, quantity
+from model.lobes import Diffuse, Directional, Lobe, Specular
+from model.surface import Surface
+
+WEIGHTS = {"specular": "rho_s", "diffuse": "rho_d", "directional": "rho_dd"}
+_SHAPES = {"specular": ("sigma", "n", "k"), "diffuse": ("sigma",), "directional": ("sigma", "n", "k")}
+_UNIT_INDEX = complex(1.5, 0.0)
+
+
+@dataclass(frozen=True)
+class SurfaceFamily:
+    """Surfaces of the same lobes that differ in the values of parameters, seen by an instrument that may err.
+
+    A parameter is named as in `Surface.parameters`, and is then that of all lobes that have it; ``directional.sigma``
+    is that of one kind of lobe alone. Parameters of the instrument are those of `quantities.INSTRUMENT`.
+
+    Parameters
+    ----------
+    surface : Surface
+        The lobes; a parameter that none of the following names stays at the value that it has here.
+    free : mapping of str to (low, high)
+        Parameters to be found, with their bounds.
+    fixed : mapping of str to float
+        Parameters that are known, where the surface or a perfect instrument has another value.
+    tied : mapping of str to (str, float)
+        Parameters that are a factor times another, which is free.
+    prior : mapping of str to (mean, standard deviation)
+        What is known of free parameters beforehand, as a Gaussian.
+    detector_half_angle_rad : float
+        Acceptance of the detector that the surfaces are seen with; 0 for single directions.
+
+    Raises
+    ------
+    ValueError
+        If a name is unknown or stands twice, or values are out of order or of range; all that is wrong is named.
+    """
+
+    surface: Surface
+    free: Mapping[str, tuple[float, float]]
+    fixed: Mapping[str, float] = field(default_factory=dict)
+    tied: Mapping[str, tuple[str, float]] = field(default_factory=dict)
+    prior: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    detector_half_angle_rad: float = 0.0
+
+    def __post_init__(self) -> None:
+        faults = [*self._name_faults(), *self._value_faults()]
+        if faults:
+            raise ValueError("; ".join(faults) + ".")
+
+    @property
+    def lobes(self) -> tuple[Lobe, ...]:
+        """What the surfaces are made of."""
+        return self.surface.lobes
+
+    @cached_property
+    def names(self) -> tuple[str, ...]:
+        """The free parameters: those that shape the lobes, then the lobes' weights, then the instrument's."""
+        ranks = [*_order(self.surface), *INSTRUMENT]
+        kinds = [kind_of(lobe) for lobe in self.lobes]
+
+        def rank(name: str) -> tuple[bool, bool, int, int]:
+            kind, _, plain = name.rpartition(".")
+            return plain in INSTRUMENT, is_weight(plain), ranks.index(plain), kinds.index(kind) if kind else -1
+
+        return tuple(sorted(self.free, key=rank))
+
+    @property
+    def shapes(self) -> tuple[str, ...]:
+        """The free parameters that shape the lobes."""
+        return tuple(name for name in self.names if name not in INSTRUMENT and not is_weight(name))
+
+    @property
+    def weights(self) -> tuple[str, ...]:
+        """The free weights of lobes."""
+        return tuple(name for name in self.names if is_weight(name))
+
+    @property
+    def instrument(self) -> tuple[str, ...]:
+        """The free parameters of the instrument."""
+        return tuple(name for name in self.names if name in INSTRUMENT)
+
+    def key(self, lobe: Lobe, parameter: str) -> str:
+        """Under which name a lobe's parameter stands in free, fixed or tied; the shared name if in none."""
+        own = f"{kind_of(lobe)}.{parameter}"
+        return own if any(own in given for given in (self.free, self.fixed, self.tied)) else parameter
+
+    def held(self, name: str) -> float:
+        """The value of an instrument's parameter that is not free."""
+        return self.fixed.get(name, NOMINAL[name])
+
+    def lobe_values(self, values: Mapping[str, float]) -> list[dict[str, float]]:
+        """The parameters of each lobe, where the free ones have these values; arrays stand for many at once."""
+        return [
+            {name: self._value(self.key(lobe, name), own, values) for name, own in lobe.values.items()}
+            for lobe in self.lobes
+        ]
+
+    def _value(self, key: str, own: float, values: Mapping[str, float]) -> float:
+        if key in self.tied:
+            other, factor = self.tied[key]
+            return factor * values[other]
+        return values[key] if key in self.free else self.fixed.get(key, own)
+
+    def surface_of(self, values: Mapping[str, float]) -> Surface:
+        """The bare surface with these values of the free parameters.
+
+        Raises
+        ------
+        ValueError
+            If a free parameter of the surface is not given.
+        """
+        missing = [name for name in (*self.shapes, *self.weights) if name not in values]
+        if missing:
+            raise ValueError(f"the surface needs a value for {', '.join(missing)}; none was given.")
+        lobes = [lobe.with_values(own) for lobe, own in zip(self.lobes, self.lobe_values(values), strict=True)]
+        # A published model stays that model: it says whose it is.
+        surface = copy.copy(self.surface)
+        Surface.__init__(surface, lobes)
+        return surface
+
+    def seen(self, values: Mapping[str, float]) -> Surface | Acceptance:
+        """The surface with these values as the detector sees it."""
+        surface = self.surface_of(values)
+        return Acceptance(surface, self.detector_half_angle_rad) if self.detector_half_angle_rad else surface
+
+    def in_single_directions(self) -> SurfaceFamily:
+        """The same family without the detector's cone: fast, and close but for the mirror direction itself."""
+        return replace(self, detector_half_angle_rad=0.0)
+
+    def _known(self) -> list[str]:
+        own = [f"{kind_of(lobe)}.{name}" for lobe in self.lobes for name in lobe.values]
+        return [*self.surface.parameters, *own, *INSTRUMENT]
+
+    def _name_faults(self) -> Iterator[str]:
+        known = self._known()
+        groups = {"free": self.free, "fixed": self.fixed, "tied": self.tied}
+        for group, names in groups.items():
+            for name in names:
+                if name not in known:
+                    yield f"{group} names '{name}'; this surface and its instrument have {sorted(set(known))}"
+        for name in dict.fromkeys([*self.free, *self.fixed, *self.tied]):
+            found = [group for group, names in groups.items() if name in names]
+            if len(found) > 1:
+                yield f"{name} stands in {' and in '.join(found)}; it must stand in one of them"
+        for name, (other, _) in self.tied.items():
+            if other not in self.free:
+                yield f"{name} is tied to {other}, which is not free"
+        for name in self.prior:
+            if name not in self.free:
+                yield f"a prior is given for {name}, which is not free"
+        if any(isinstance(lobe, Specular) and isinstance(lobe.bounces, Tolerance) for lobe in self.lobes):
+            yield "the specular lobe follows bounces to a tolerance; a fit needs a number of bounces"
+
+    def _value_faults(self) -> Iterator[str]:
+        for name, (low, high) in self.free.items():
+            if not low < high:
+                yield f"free bounds of {name} are [{low:g}, {high:g}]; they must increase"
+            elif not (_is_possible(name, low) and _is_possible(name, high)):
+                yield f"free bounds of {name} are [{low:g}, {high:g}]; {_allowed(name)}"
+        for name, value in self.fixed.items():
+            if not _is_possible(name, value):
+                yield f"fixed {name} is {value:g}; {_allowed(name)}"
+        for name, (mean, stddev) in self.prior.items():
+            if not (math.isfinite(mean) and 0.0 < stddev < math.inf):
+                yield f"the prior of {name} is {mean:g} ± {stddev:g}; it needs a finite mean and a deviation above 0"
+        for name, (_, factor) in self.tied.items():
+            if not 0.0 < factor < math.inf:
+                yield f"the factor of {name} is {factor:g}; it must be above 0"
+
+
+def kind_of(lobe: Lobe) -> str:
+    """The word for a lobe in the names of its own parameters."""
+    return type(lobe).__name__.lower()
+
+
+def lobe_family(
+    lobes: Sequence[str],
+    free: Mapping[str, tuple[float, float]],
+    fixed: Mapping[str, float] | None = None,
+    *,
+    bounces: int = 1,
+    detector_half_angle_rad: float = 0.0,
+    tied: Mapping[str, tuple[str, float]] | None = None,
+    prior: Mapping[str, tuple[float, float]] | None = None,
+) -> SurfaceFamily:
+    """The family of surfaces made of lobes by name, whose weights are free unless said otherwise.
+
+    Parameters
+    ----------
+    lobes : sequence of str
+        Any of "specular", "diffuse", "directional".
+    free, fixed, tied, prior, detector_half_angle_rad
+        As for `SurfaceFamily`. Every one of sigma, n, k that the lobes need must stand in free, fixed or tied; grooves
+        whose asymmetry is not named are symmetric.
+    bounces : int
+        Reflections that the specular lobe follows.
+
+    Raises
+    ------
+    ValueError
+        If a lobe is unknown, a parameter the lobes need is not given or one that they do not need is, or a value is out
+        of its range.
+    """
+    fixed, tied = dict(fixed or {}), dict(tied or {})
+    if not lobes or any(name not in WEIGHTS for name in lobes) or len(set(lobes)) < len(lobes):
+        raise ValueError(f"lobes are {list(lobes)}; name one or more of {list(WEIGHTS)}, each once.")
+    given = [*free, *fixed, *tied]
+    needed = list(dict.fromkeys(name for lobe in lobes for name in _SHAPES[lobe]))
+    optional = ["asymmetry"] if "specular" in lobes else []
+    missing = [name for lobe in lobes for name in _SHAPES[lobe] if name not in given and f"{lobe}.{name}" not in given]
+    surplus = [name for name in given if "." not in name and name in ("sigma", "n", "k", "asymmetry")]
+    surplus = [name for name in surplus if name not in (*needed, *optional)]
+    if missing or surplus:
+        raise ValueError(
+            f"free holds {list(free)} and fixed holds {list(fixed)}; the lobes {list(lobes)} need each of "
+            f"{sorted(needed)} exactly once, and no other."
+        )
+    free_weights = {WEIGHTS[name]: (0.0, math.inf) for name in lobes if WEIGHTS[name] not in (*free, *fixed, *tied)}
+    whole: dict[str, Lobe] = {
+        "specular": Specular(1.0, 1.0, _UNIT_INDEX, 0.0, bounces),
+        "diffuse": Diffuse(1.0, 1.0),
+        "directional": Directional(1.0, 1.0, _UNIT_INDEX),
+    }
+    return SurfaceFamily(
+        Surface([whole[name] for name in lobes]),
+        {**free, **free_weights},
+        fixed,
+        tied,
+        prior or {},
+        detector_half_angle_rad,
+    )
+
+
+def whole_family(surface: Surface) -> SurfaceFamily:
+    """The family of all surfaces like this one: every parameter free within its usual bounds.
+
+    What this surface does not have stays out: of a real index k stays 0, symmetric grooves stay symmetric.
+    """
+    free = {}
+    for lobe in surface.lobes:
+        for name, value in lobe.values.items():
+            if value or name not in ("k", "asymmetry"):
+                low, high = quantity(name).usual
+                free[name] = (min(low, value), max(high, value))
+    return SurfaceFamily(surface, free)
+
+
+def _order(surface: Surface) -> list[str]:
+    first = [name for name in ("sigma", "alpha", "n", "k", "asymmetry") if name in surface.parameters]
+    return first + [name for name in surface.parameters if name not in first]
+
+
+def _is_possible(name: str, value: float) -> bool:
+    kind = quantity(name)
+    return kind.lowest <= value <= kind.highest
+
+
+def _allowed(name: str) -> str:
+    kind = quantity(name)
+    return f"the {kind.meaning} lies from {kind.lowest:g} to {kind.highest:g}"

@@ -1,0 +1,252 @@
+"""Light of many surfaces of a family at once, with its derivatives by the free parameters: one compiled call."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from functools import cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from model.acceptance import Acceptance, Rays
+from model.evaluation import DIRECTIONS, Addend, Light, Program
+from model.fit.family import SurfaceFamily, kind_of
+from model.fit.instrument import ANGLES, moved, reported
+from model.fit.observable import MUELLER
+from model.geometry import FloatArray
+from model.kernel.kernel import Kernel
+from model.lobes import Lobe
+from model.surface import Surface, rate_input
+
+# Central differences of what a cone sees, by the angles of its axis; exact derivatives would need those of the nodes.
+_ANGLE_STEP_RAD = 1e-5
+
+
+class Forward:
+    """Light of surfaces of one family in N directions each.
+
+    Parameters
+    ----------
+    family : SurfaceFamily
+        Which surfaces, seen how.
+    elements : int
+        How many elements light has: `STOKES` (under unpolarized light) or `MUELLER`.
+    incidence_rad, exit_rad, azimuth_rad : ndarray
+        Shape (N,) or, if every problem has its own, (problems, N).
+    """
+
+    def __init__(
+        self,
+        family: SurfaceFamily,
+        elements: int,
+        incidence_rad: FloatArray,
+        exit_rad: FloatArray,
+        azimuth_rad: FloatArray,
+    ) -> None:
+        self._family, self._elements = family, elements
+        self._directions = tuple(np.atleast_2d(angle) for angle in (incidence_rad, exit_rad, azimuth_rad))
+        self.count = self._directions[0].shape[1]
+        self._moving = tuple(name for name in family.instrument if name in ANGLES)
+        light: Light = "mueller" if elements == MUELLER else "unpolarized"
+        cones = family.detector_half_angle_rad > 0.0
+        if cones:
+            narrowest = {name: max(family.free[name][0], 0.0) for name in family.names if name not in ANGLES}
+            self._acceptance = Acceptance(family.surface_of(narrowest), family.detector_half_angle_rad)
+            groups = [[family.lobes[i] for i in part.places] for part in self._acceptance.parts]
+        else:
+            groups = [list(family.lobes)]
+        one_incidence = not cones and bool((np.ptp(self._directions[0], axis=1) == 0.0).all())
+        varied = tuple(name for name in family.names if name not in family.instrument)
+        angles = () if cones else self._moving
+        self._sums = [_Sum(family, lobes, light, varied, angles, one_incidence) for lobes in groups]
+        self._has_cones = cones
+        self._rays: list[Rays] | None = None
+
+    def __call__(self, x: FloatArray, problems: NDArray[np.int64]) -> tuple[FloatArray, FloatArray]:
+        """Light (b, E, N) and derivatives (b, P, E, N) for the parameters x (b, P) of these problems."""
+        values = dict(zip(self._family.names, x.T, strict=True))
+        directions = [angle if len(angle) == 1 else angle[problems] for angle in self._directions]
+        light, slopes = self._cones(values, directions) if self._has_cones else self._rays_of(values, directions)
+        return reported(self._family, values, light, slopes)
+
+    def _rays_of(self, values: Mapping[str, FloatArray], directions: Sequence[FloatArray]) -> tuple[FloatArray, ...]:
+        at, turns = moved(self._family, values, directions)
+        only = self._sums[0]
+        light, slopes = only(values, at, len(next(iter(values.values()))), self._elements)
+        names = [*only.varied, *self._moving]
+        for name, turn in turns.items():
+            slopes[:, names.index(name)] *= turn[:, None, :]
+        return light, self._in_order(slopes, names)
+
+    def _cones(self, values: Mapping[str, FloatArray], directions: Sequence[FloatArray]) -> tuple[FloatArray, ...]:
+        if not self._moving:
+            if self._rays is None:
+                self._rays = self._nodes([angle[0] for angle in self._directions])
+            light, slopes = self._mean(values, self._rays)
+            return light, self._in_order(slopes, [*self._sums[0].varied])
+        lights, shapes = [], []
+        for i in range(len(next(iter(values.values())))):
+            one = {name: value[i : i + 1] for name, value in values.items()}
+            own = [angle[min(i, len(angle) - 1)][None] for angle in directions]
+            light, slopes = self._mean_at(one, own)
+            for name in self._moving:
+                ahead, behind = (
+                    self._mean_at({**one, name: one[name] + step}, own)[0]
+                    for step in (_ANGLE_STEP_RAD, -_ANGLE_STEP_RAD)
+                )
+                slopes = np.concatenate([slopes, ((ahead - behind) / (2.0 * _ANGLE_STEP_RAD))[:, None]], axis=1)
+            lights.append(light)
+            shapes.append(slopes)
+        names = [*self._sums[0].varied, *self._moving]
+        return np.concatenate(lights), self._in_order(np.concatenate(shapes), names)
+
+    def _mean_at(self, values: Mapping[str, FloatArray], directions: Sequence[FloatArray]) -> tuple[FloatArray, ...]:
+        at, _ = moved(self._family, values, directions)
+        return self._mean(values, self._nodes([angle[0] for angle in at]))
+
+    def _nodes(self, directions: Sequence[FloatArray]) -> list[Rays]:
+        return [self._acceptance.rays(part, directions) for part in self._acceptance.parts]
+
+    def _mean(self, values: Mapping[str, FloatArray], rays: Sequence[Rays]) -> tuple[FloatArray, ...]:
+        light: FloatArray | float = 0.0
+        slopes: FloatArray | float = 0.0
+        for some, at in zip(self._sums, rays, strict=True):
+            nodes = [angle.reshape(1, -1) for angle in at.angles]
+            bright, steep = some(values, nodes, len(next(iter(values.values()))), self._elements)
+            light = light + _averaged(bright, at)
+            slopes = slopes + _averaged(steep, at)
+        return np.asarray(light), np.asarray(slopes)
+
+    def _in_order(self, slopes: FloatArray, names: Sequence[str]) -> FloatArray:
+        """Derivatives by all free parameters in their order, 0 for those that come in later."""
+        wanted = self._family.names
+        if tuple(names) == wanted:
+            return slopes
+        ordered = np.zeros((slopes.shape[0], len(wanted), *slopes.shape[2:]))
+        places = [wanted.index(name) for name in names]
+        ordered[:, places] = slopes
+        return ordered
+
+
+class _Sum:
+    """Some lobes of a family, compiled."""
+
+    def __init__(
+        self,
+        family: SurfaceFamily,
+        lobes: Sequence[Lobe],
+        light: Light,
+        varied: tuple[str, ...],
+        angles: tuple[str, ...],
+        one_incidence: bool,
+    ) -> None:
+        self._family, self.varied = family, varied
+        self._places = [next(i for i, known in enumerate(family.lobes) if known is lobe) for lobe in lobes]
+        example = {name: 0.5 * (low + min(high, low + 1.0)) for name, (low, high) in family.free.items()}
+        numbers, rates = self._inputs({name: np.array([value]) for name, value in example.items()})
+        changes = tuple(
+            tuple((source, rate_input(source, name, rate)) for (source, by), rate in rates.items() if by == name)
+            for name in varied
+        )
+        changes += tuple(((ANGLES[name], 1.0),) for name in angles)
+        inputs = (*numbers, *_named(rates))
+        program = Program(tuple(self._addends(family.surface_of(example))), inputs, light, changes, with_light=True)
+        fixed = frozenset(["incidence"] if one_incidence else [])
+        self._one_incidence = one_incidence
+        self._kernel = _compiled(program, fixed)
+        self._inputs_in_order = inputs
+
+    def __call__(
+        self, values: Mapping[str, FloatArray], at: Sequence[FloatArray], times: int, elements: int
+    ) -> tuple[FloatArray, FloatArray]:
+        numbers, rates = self._inputs(values)
+        given = {**numbers, **_named(rates)}
+        incidence = at[0][:, :1] if self._one_incidence else at[0]
+        arrays = [incidence, at[1], at[2]]
+        arrays += [np.asarray(given[name], np.float64).reshape(-1, 1) for name in self._inputs_in_order]
+        rows = self._kernel.repeated(arrays, times, at[1].shape[1])
+        split = np.asarray(rows, np.float64).reshape(times, -1, elements, rows.shape[-1])
+        return split[:, 0], split[:, 1:]
+
+    def _source(self, lobe: Lobe, parameter: str) -> str:
+        """Which input holds a parameter of a lobe: one for all lobes that share it."""
+        key, family = self._family.key(lobe, parameter), self._family
+        if key in family.free or key in family.tied or key in family.fixed:
+            return key
+        return f"{parameter} = {lobe.values[parameter]!r}"
+
+    def _wires(self, place: int) -> dict[str, str]:
+        lobe = self._family.lobes[place]
+        return {
+            name: self._source(lobe, name) if name in lobe.values else f"{kind_of(lobe)} {place}: {name}"
+            for name in lobe.numbers
+        }
+
+    def _addends(self, example: Surface) -> list[Addend]:
+        addends = []
+        for place in self._places:
+            lobe = example.lobes[place]
+            own = [name for name in lobe.values if self._follows(lobe, name) is not None]
+            addends.append(Addend(lobe.form(frozenset(own)), tuple(self._wires(place).items())))
+        return addends
+
+    def _follows(self, lobe: Lobe, parameter: str) -> tuple[str, float] | None:
+        """The free parameter that a lobe's follows, and the factor between the two."""
+        key = self._family.key(lobe, parameter)
+        if key in self._family.free:
+            return key, 1.0
+        return self._family.tied.get(key)
+
+    def _inputs(
+        self, values: Mapping[str, FloatArray]
+    ) -> tuple[dict[str, FloatArray | float], dict[tuple[str, str], FloatArray | float]]:
+        """What the program takes, and how fast each of it changes with each free parameter."""
+        numbers: dict[str, FloatArray | float] = {}
+        rates: dict[tuple[str, str], FloatArray | float] = {}
+        lobe_values = self._family.lobe_values(values)  # type: ignore[arg-type]
+        for place in self._places:
+            lobe, own, wires = self._family.lobes[place], lobe_values[place], self._wires(place)
+            numbers |= {wires[name]: number for name, number in lobe.numbers_of(own).items()}
+            for parameter in lobe.values:
+                followed = self._follows(lobe, parameter)
+                if followed is not None:
+                    free, factor = followed
+                    rates |= {
+                        (wires[name], free): rate if factor == 1.0 else factor * rate
+                        for name, rate in lobe.rates(parameter, own).items()
+                    }
+        return numbers, rates
+
+
+def _named(rates: Mapping[tuple[str, str], FloatArray | float]) -> dict[str, FloatArray | float]:
+    return {
+        name: rate
+        for (source, parameter), rate in rates.items()
+        if isinstance(name := rate_input(source, parameter, rate), str)
+    }
+
+
+@cache
+def _compiled(program: Program, fixed: frozenset[str]) -> Kernel:
+    return Kernel(program.record, [*DIRECTIONS, *program.inputs], fixed | frozenset(program.inputs), "float64")
+
+
+def _averaged(elements: FloatArray, rays: Rays) -> FloatArray:
+    """Means over cones of elements (..., E, cones · nodes), seen behind an analyzer that does not turn with the ray."""
+    split = elements.reshape(*elements.shape[:-1], *rays.weight.shape)
+    columns = split.shape[-3] // 4
+    rows = [slice(row * columns, (row + 1) * columns) for row in range(4)]
+    weight = rays.weight
+    cosine, sine = weight * rays.to_analyzer.cos2, weight * rays.to_analyzer.sin2
+
+    def mean(row: int, weights: FloatArray) -> FloatArray:
+        total: FloatArray = np.einsum("...cn,cn->...c", split[..., rows[row], :, :], weights)
+        return total
+
+    turned = (
+        mean(0, weight),
+        mean(1, cosine) + mean(2, sine),
+        mean(2, cosine) - mean(1, sine),
+        mean(3, weight),
+    )
+    return np.concatenate(turned, axis=-2)

@@ -1,0 +1,150 @@
+"""Least-squares problems: whitened differences between surfaces of a family and data, for many sets of data at once."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from model.fit.dataset import Dataset
+from model.fit.family import SurfaceFamily
+from model.fit.forward import Forward
+from model.fit.observable import Observable
+from model.geometry import FloatArray
+
+Places = NDArray[np.int64]
+_DARK = 1e-24
+
+
+@dataclass(frozen=True, eq=False)
+class Difference:
+    """How far surfaces are from data, for b problems.
+
+    Attributes
+    ----------
+    residuals : ndarray
+        Shape (b, R): whitened differences, row by row of the data for each column, then those from priors.
+    jacobian : ndarray
+        Shape (b, P, R).
+    cost : ndarray
+        Shape (b,): sum of their squares; of a robust problem, of what it makes of them.
+    """
+
+    residuals: FloatArray
+    jacobian: FloatArray
+    cost: FloatArray
+
+
+class Problem:
+    """Fits of one family to many sets of values measured in as many directions.
+
+    Parameters
+    ----------
+    family : SurfaceFamily
+        Surfaces to choose from; P parameters are free.
+    observable : Observable
+        What was measured, M values in a direction.
+    directions : tuple of ndarray
+        Incidence, exit and azimuth (N,), or (B, N) if every set has its own.
+    values : ndarray
+        Shape (B, M, N).
+    whitener : ndarray
+        Shape (B, M, M, N), or (1, M, M, N) if all sets share it: lower triangular, 0 where nothing was measured.
+    tolerated : float
+        Length of a direction's whitened difference beyond which it counts by that length instead of its square (Huber
+        1964); infinite for least squares.
+    """
+
+    def __init__(
+        self,
+        family: SurfaceFamily,
+        observable: Observable,
+        directions: tuple[FloatArray, FloatArray, FloatArray],
+        values: FloatArray,
+        whitener: FloatArray,
+        tolerated: float = np.inf,
+    ) -> None:
+        self.family, self.observable, self.tolerated = family, observable, tolerated
+        self._forward = Forward(family, observable.elements, *directions)
+        self._whitener = whitener
+        self._target = whitened(whitener, values)
+        self.low, self.high = (np.array([family.free[name][side] for name in family.names]) for side in (0, 1))
+        self.is_weight = np.array([name in family.weights for name in family.names], bool)
+        self._known = [family.names.index(name) for name in family.prior]
+        self._prior = np.array(list(family.prior.values())).reshape(-1, 2)
+        # What rounding leaves of the difference between equals.
+        self.rounding = 1e-28 * np.einsum("bmn,bmn->b", self._target, self._target)
+
+    @classmethod
+    def of(cls, data: Dataset, family: SurfaceFamily, tolerated: float = np.inf) -> Problem:
+        """The problem of one set of data."""
+        values, whitener = data.values.T[None], np.moveaxis(data.whitener(), 0, -1)[None]
+        return cls(family, data.observable, data.directions, values, whitener, tolerated)
+
+    def unseen(self, lengths2: FloatArray) -> NDArray[np.bool_]:
+        """Which parameters (b, P) no value depends on, from the squared lengths (b, P) of the Jacobian's rows.
+
+        That is so of a lobe's weight too when its light is lost in the last digit of the brightest lobe's.
+        """
+        brightest = np.where(self.is_weight, lengths2, 0.0).max(axis=1, keepdims=True)
+        return lengths2 <= np.where(self.is_weight, _DARK * brightest, 0.0)
+
+    @property
+    def count(self) -> int:
+        """How many sets of data there are."""
+        return len(self._target)
+
+    def light(self, x: FloatArray, which: Places) -> tuple[FloatArray, FloatArray]:
+        """Values (b, M, N) and derivatives (b, P, M, N) of surfaces with the parameters x (b, P), not whitened."""
+        light, slopes = self._forward(x, which)
+        with np.errstate(invalid="ignore", divide="ignore", over="ignore"):  # a dark surface has no ratios
+            return self.observable.of(light, slopes)
+
+    def stokes(self, x: FloatArray) -> FloatArray:
+        """S0, S1, S2 (N, 3) under unpolarized light of the one surface with the parameters x (P,)."""
+        light = self._forward(x[None], np.zeros(1, np.int64))[0][0]
+        stokes: FloatArray = light[:: self.observable.elements // 4][:3].T
+        return stokes
+
+    def difference(self, x: FloatArray, which: Places) -> Difference:
+        """How far surfaces with the parameters x (b, P) are from the sets of data of these numbers (b,)."""
+        values, slopes = self.light(x, which)
+        whitener = self._whitener if len(self._whitener) == 1 else self._whitener[which]
+        target = self._target if len(self._target) == 1 else self._target[which]
+        residuals = whitened(whitener, values) - target
+        jacobian = whitened(whitener[:, None], slopes)
+        cost = np.einsum("bmn,bmn->b", residuals, residuals)
+        if np.isfinite(self.tolerated):
+            residuals, jacobian, cost = self._bounded(residuals, jacobian)
+        b = len(x)
+        residuals, jacobian = residuals.reshape(b, -1), jacobian.reshape(b, x.shape[1], -1)
+        if self._known:
+            mean, stddev = self._prior.T
+            off = (x[:, self._known] - mean) / stddev
+            pull = np.zeros((b, x.shape[1], len(self._known)))
+            pull[:, self._known, range(len(self._known))] = 1.0 / stddev
+            residuals, jacobian = np.concatenate([residuals, off], axis=1), np.concatenate([jacobian, pull], axis=2)
+            cost = cost + (off * off).sum(axis=1)
+        return Difference(residuals, jacobian, cost)
+
+    def _bounded(self, residuals: FloatArray, jacobian: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        # Huber's loss of each direction's length; weights √(limit/length) make its gradient that of least squares.
+        length2 = np.einsum("bmn,bmn->bn", residuals, residuals)
+        limit = self.tolerated
+        length = np.sqrt(length2)
+        far = length > limit
+        cost = np.where(far, 2.0 * limit * length - limit * limit, length2).sum(axis=1)
+        weight = np.sqrt(np.where(far, limit / np.where(far, length, 1.0), 1.0))
+        return residuals * weight[:, None], jacobian * weight[:, None, None], cost
+
+
+def whitened(whitener: FloatArray, values: FloatArray) -> FloatArray:
+    """Products of lower triangular matrices (..., M, M, N) and values (..., M, N), N side by side."""
+    rows = []
+    for row in range(values.shape[-2]):
+        total = whitener[..., row, 0, :] * values[..., 0, :]
+        for column in range(1, row + 1):
+            total = total + whitener[..., row, column, :] * values[..., column, :]
+        rows.append(total)
+    return np.stack(rows, axis=-2)

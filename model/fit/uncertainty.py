@@ -1,0 +1,85 @@
+"""How well data determine parameters: standard errors, correlations, and what the data can hardly tell apart."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from goniometer.errors import FitError
+from model.geometry import FloatArray
+
+_SINGULAR = 1e-8
+_PART = 0.1
+
+
+@dataclass(frozen=True, eq=False)
+class Uncertainty:
+    """What the Jacobian of whitened residuals says of parameters that are at no bound.
+
+    Attributes
+    ----------
+    stderr : ndarray
+        Shape (P,).
+    correlation : ndarray
+        Shape (P, P).
+    condition : float
+        Of the Jacobian with columns of unit length, at least 1: by how much less the data say of the combination that
+        they know least about than of the one that they know best.
+    weakest : ndarray
+        Shape (P,): the change of parameters, one standard deviation long, that the data notice least.
+    """
+
+    stderr: FloatArray
+    correlation: FloatArray
+    condition: float
+    weakest: FloatArray
+
+    @property
+    def covariance(self) -> FloatArray:
+        """Shape (P, P)."""
+        return self.correlation * np.outer(self.stderr, self.stderr)
+
+    def scaled(self, factor: float) -> Uncertainty:
+        """The same where the errors of the data are larger by a factor."""
+        return Uncertainty(self.stderr * factor, self.correlation, self.condition, self.weakest * factor)
+
+
+def uncertainty(jacobian: FloatArray, names: Sequence[str]) -> Uncertainty:
+    """Uncertainties of parameters from the Jacobian of whitened residuals.
+
+    Parameters
+    ----------
+    jacobian : ndarray
+        Shape (parameters, values).
+    names : sequence of str
+        The parameters, for the message when they are not determined.
+
+    Raises
+    ------
+    FitError
+        If the data do not determine all of the parameters.
+    """
+    if not names:
+        return Uncertainty(np.empty(0), np.empty((0, 0)), 1.0, np.empty(0))
+    lengths = np.linalg.norm(jacobian, axis=1)
+    # Unit columns: whether parameters can be told apart must not depend on the units they are counted in.
+    unit = jacobian.T / np.where(lengths > 0.0, lengths, 1.0)
+    _, singular, directions = np.linalg.svd(unit, full_matrices=False)
+    blind = singular <= _SINGULAR * singular[0]
+    if blind.any() or len(singular) < len(names):
+        share = np.linalg.norm(directions[blind], axis=0)
+        mixed = [name for name, part in zip(names, share, strict=True) if part > _PART]
+        raise FitError(
+            f"The data do not determine {' and '.join(mixed or names)}: there are changes of these that leave every "
+            f"fitted value the same. No result is given. Measure more directions, or fix one of them."
+        )
+    covariance = (directions.T / singular**2) @ directions
+    scale = np.sqrt(np.diag(covariance))
+    return Uncertainty(
+        stderr=scale / lengths,
+        correlation=covariance / np.outer(scale, scale),
+        condition=float(singular[0] / singular[-1]),
+        weakest=directions[-1] / singular[-1] / lengths,
+    )
