@@ -103,7 +103,7 @@ def fit(
             f"values of {', '.join(family.names)} apart. No result is given. Measure more directions, or fix one of "
             f"them."
         )
-    return _conclude(problem, compared, ends, best, held)
+    return _conclude(problem, compared, ends, best, held, start is None)
 
 
 def _searched(data: Dataset, problem: Problem, search: Search, seed: int) -> FloatArray:
@@ -180,15 +180,16 @@ def _require_enough(data: Dataset, family: SurfaceFamily) -> None:
         )
 
 
-def _conclude(problem: Problem, data: Dataset, ends: Optimum, best: int, held: dict[str, float]) -> FitResult:
+def _conclude(
+    problem: Problem, data: Dataset, ends: Optimum, best: int, held: dict[str, float], searched: bool
+) -> FitResult:
     family, x = problem.family, ends.x[best]
     at = problem.difference(x[None], _ONE)
     gradient = at.jacobian[0] @ at.residuals[0]
     inside = ~_is_held(x, gradient, problem, at.jacobian)
     names = tuple(name for name, is_inside in zip(family.names, inside, strict=True) if is_inside)
     known = uncertainty(at.jacobian[0][inside], names)
-    light, _ = problem.light(x[None], _ONE)
-    fitted = light[0]
+    fitted = at.values[0]
     left = whitened(np.moveaxis(data.whitener(), 0, -1), fitted - data.values.T)
     freedom = data.values.size + len(family.prior) - len(names)
     chi_square = float((left * left).sum()) + _from_priors(family, x)
@@ -208,12 +209,12 @@ def _conclude(problem: Problem, data: Dataset, ends: Optimum, best: int, held: d
         names=names,
         correlation=known.correlation,
         condition=known.condition,
-        weakness=_weakness(family, data, x, names, known),
+        weakness=_weakness(family, data, x, names, known) if searched else None,
         alternatives=_alternatives(family, ends, best, scale, known, inside),
         outliers=_outliers(left / scale),
         held=held,
         fitted=fitted.T,
-        stokes=problem.stokes(x),
+        stokes=fitted[:3].T if data.observable.columns[:3] == ("s0", "s1", "s2") else problem.stokes(x),
         surface=family.seen(values),
         columns=data.observable.columns,
     )

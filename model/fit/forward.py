@@ -9,14 +9,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from model.acceptance import Acceptance, Rays
-from model.evaluation import DIRECTIONS, Addend, Light, Program
-from model.fit.family import SurfaceFamily, kind_of
+from model.evaluation import DIRECTIONS, Light, Program
+from model.fit.family import SurfaceFamily
 from model.fit.instrument import ANGLES, moved, reported
 from model.fit.observable import MUELLER
+from model.fit.wiring import Wiring, named
 from model.geometry import FloatArray
 from model.kernel.kernel import Kernel
 from model.lobes import Lobe
-from model.surface import Surface, rate_input
+from model.surface import rate_input
 
 # Central differences of what a cone sees, by the angles of its axis; exact derivatives would need those of the nodes.
 _ANGLE_STEP_RAD = 1e-5
@@ -140,17 +141,20 @@ class _Sum:
         angles: tuple[str, ...],
         one_incidence: bool,
     ) -> None:
-        self._family, self.varied = family, varied
-        self._places = [next(i for i, known in enumerate(family.lobes) if known is lobe) for lobe in lobes]
+        self.varied = varied
+        self._wiring = Wiring(
+            family, [i for i, known in enumerate(family.lobes) if any(known is lobe for lobe in lobes)]
+        )
         example = {name: 0.5 * (low + min(high, low + 1.0)) for name, (low, high) in family.free.items()}
-        numbers, rates = self._inputs({name: np.array([value]) for name, value in example.items()})
+        numbers, rates = self._wiring.inputs({name: np.array([value]) for name, value in example.items()})
         changes = tuple(
             tuple((source, rate_input(source, name, rate)) for (source, by), rate in rates.items() if by == name)
             for name in varied
         )
         changes += tuple(((ANGLES[name], 1.0),) for name in angles)
-        inputs = (*numbers, *_named(rates))
-        program = Program(tuple(self._addends(family.surface_of(example))), inputs, light, changes, with_light=True)
+        inputs = (*numbers, *named(rates))
+        addends = tuple(self._wiring.addends(family.surface_of(example)))
+        program = Program(addends, inputs, light, changes, with_light=True)
         fixed = frozenset(["incidence"] if one_incidence else [])
         self._one_incidence = one_incidence
         self._kernel = _compiled(program, fixed)
@@ -159,71 +163,14 @@ class _Sum:
     def __call__(
         self, values: Mapping[str, FloatArray], at: Sequence[FloatArray], times: int, elements: int
     ) -> tuple[FloatArray, FloatArray]:
-        numbers, rates = self._inputs(values)
-        given = {**numbers, **_named(rates)}
+        numbers, rates = self._wiring.inputs(values)
+        given = {**numbers, **named(rates)}
         incidence = at[0][:, :1] if self._one_incidence else at[0]
         arrays = [incidence, at[1], at[2]]
         arrays += [np.asarray(given[name], np.float64).reshape(-1, 1) for name in self._inputs_in_order]
         rows = self._kernel.repeated(arrays, times, at[1].shape[1])
         split = np.asarray(rows, np.float64).reshape(times, -1, elements, rows.shape[-1])
         return split[:, 0], split[:, 1:]
-
-    def _source(self, lobe: Lobe, parameter: str) -> str:
-        """Which input holds a parameter of a lobe: one for all lobes that share it."""
-        key, family = self._family.key(lobe, parameter), self._family
-        if key in family.free or key in family.tied or key in family.fixed:
-            return key
-        return f"{parameter} = {lobe.values[parameter]!r}"
-
-    def _wires(self, place: int) -> dict[str, str]:
-        lobe = self._family.lobes[place]
-        return {
-            name: self._source(lobe, name) if name in lobe.values else f"{kind_of(lobe)} {place}: {name}"
-            for name in lobe.numbers
-        }
-
-    def _addends(self, example: Surface) -> list[Addend]:
-        addends = []
-        for place in self._places:
-            lobe = example.lobes[place]
-            own = [name for name in lobe.values if self._follows(lobe, name) is not None]
-            addends.append(Addend(lobe.form(frozenset(own)), tuple(self._wires(place).items())))
-        return addends
-
-    def _follows(self, lobe: Lobe, parameter: str) -> tuple[str, float] | None:
-        """The free parameter that a lobe's follows, and the factor between the two."""
-        key = self._family.key(lobe, parameter)
-        if key in self._family.free:
-            return key, 1.0
-        return self._family.tied.get(key)
-
-    def _inputs(
-        self, values: Mapping[str, FloatArray]
-    ) -> tuple[dict[str, FloatArray | float], dict[tuple[str, str], FloatArray | float]]:
-        """What the program takes, and how fast each of it changes with each free parameter."""
-        numbers: dict[str, FloatArray | float] = {}
-        rates: dict[tuple[str, str], FloatArray | float] = {}
-        lobe_values = self._family.lobe_values(values)  # type: ignore[arg-type]
-        for place in self._places:
-            lobe, own, wires = self._family.lobes[place], lobe_values[place], self._wires(place)
-            numbers |= {wires[name]: number for name, number in lobe.numbers_of(own).items()}
-            for parameter in lobe.values:
-                followed = self._follows(lobe, parameter)
-                if followed is not None:
-                    free, factor = followed
-                    rates |= {
-                        (wires[name], free): rate if factor == 1.0 else factor * rate
-                        for name, rate in lobe.rates(parameter, own).items()
-                    }
-        return numbers, rates
-
-
-def _named(rates: Mapping[tuple[str, str], FloatArray | float]) -> dict[str, FloatArray | float]:
-    return {
-        name: rate
-        for (source, parameter), rate in rates.items()
-        if isinstance(name := rate_input(source, parameter, rate), str)
-    }
 
 
 @cache

@@ -29,11 +29,14 @@ class Difference:
         Shape (b, P, R).
     cost : ndarray
         Shape (b,): sum of their squares; of a robust problem, of what it makes of them.
+    values : ndarray
+        Shape (b, M, N): the surfaces' own, not whitened.
     """
 
     residuals: FloatArray
     jacobian: FloatArray
     cost: FloatArray
+    values: FloatArray
 
 
 class Problem:
@@ -126,7 +129,7 @@ class Problem:
             pull[:, self._known, range(len(self._known))] = 1.0 / stddev
             residuals, jacobian = np.concatenate([residuals, off], axis=1), np.concatenate([jacobian, pull], axis=2)
             cost = cost + (off * off).sum(axis=1)
-        return Difference(residuals, jacobian, cost)
+        return Difference(residuals, jacobian, cost, values)
 
     def _bounded(self, residuals: FloatArray, jacobian: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         # Huber's loss of each direction's length; weights √(limit/length) make its gradient that of least squares.

@@ -75,7 +75,7 @@ class FitResult:
     condition : float
         Of the Jacobian with unit columns; what is above some 1e3 hangs by digits of the data that they may not have.
     weakness : Weakness or None
-        What the data can hardly tell apart; None with fewer than two parameters.
+        What the data can hardly tell apart; None with fewer than two parameters, and of a fit that follows a scan.
     alternatives : tuple of Alternative
         Other optima with a chi-square less than 4 above the best.
     outliers : tuple of Outlier
