@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import operator
 import threading
 from collections.abc import Sequence
 from types import TracebackType
@@ -11,7 +12,7 @@ from acquisition.events import FitRefused, FitUpdated
 from acquisition.fit_points import dataset
 from acquisition.readings import StokesPoint
 from goniometer.errors import FitError
-from model.fit import FitResult, SurfaceFamily, fit
+from model.fit import Dataset, FitResult, SurfaceFamily, fit
 from model.fit.start import Search
 
 _POOR_FIT = 3.0
@@ -63,6 +64,7 @@ class LiveFit:
 
     def _work(self) -> None:
         last: FitResult | None = None
+        collected = _Collected()
         while True:
             with self._condition:
                 self._condition.wait_for(lambda: self._ended or self._submitted is not None)
@@ -71,7 +73,7 @@ class LiveFit:
                 points, self._submitted = self._submitted, None
             assert points is not None, "the wait ends only with points or with the end"
             try:
-                last = self._fit(points, last)
+                last = self._fit(collected.data(points), last)
                 news: FitUpdated | FitRefused = FitUpdated(len(points), last)
             except FitError as error:
                 news = FitRefused(len(points), str(error))
@@ -80,10 +82,27 @@ class LiveFit:
             with self._condition:
                 self._news = None if self._ended else news
 
-    def _fit(self, points: Sequence[StokesPoint], last: FitResult | None) -> FitResult:
-        data = dataset(points)
+    def _fit(self, data: Dataset, last: FitResult | None) -> FitResult:
         if last is not None:
             result = fit(data, self._family, start=last.values)
             if result.chi_square <= _POOR_FIT * max(result.degrees_of_freedom, 1):
                 return result
         return fit(data, self._family, search=self._search)
+
+
+class _Collected:
+    """The points so far as data; of points that were there before nothing is done again."""
+
+    def __init__(self) -> None:
+        self._points: Sequence[StokesPoint] = ()
+        self._data: Dataset | None = None
+
+    def data(self, points: Sequence[StokesPoint]) -> Dataset:
+        known = len(self._points)
+        grown = len(points) >= known and all(map(operator.is_, self._points, points))
+        if self._data is None or not grown:
+            self._data = dataset(points)
+        elif len(points) > known:
+            self._data = self._data.joined(dataset(points[known:]))
+        self._points = points
+        return self._data

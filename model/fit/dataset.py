@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Literal
 
 import numpy as np
@@ -91,6 +93,23 @@ class Dataset:
         covariance = None if self.covariance is None else self.covariance[rows]
         return replace(self, covariance=covariance, **picked)
 
+    def joined(self, later: Dataset) -> Dataset:
+        """These rows and those of other data of the same kind, which need not be looked over again.
+
+        Raises
+        ------
+        ValueError
+            If the two do not hold the same columns, or only one has errors.
+        """
+        if later.observable != self.observable or (later.covariance is None) != (self.covariance is None):
+            raise ValueError("only data of the same columns, both with errors or both without, can be joined.")
+        both = copy.copy(self)
+        for name in (*_ANGLES, "values", "covariance", "whitener"):
+            if getattr(self, name) is not None:
+                object.__setattr__(both, name, np.concatenate([getattr(self, name), getattr(later, name)]))
+        return both
+
+    @cached_property
     def whitener(self) -> FloatArray:
         """Matrices (N, M, M), lower triangular, that turn each row's errors into independent ones of variance 1.
 

@@ -190,7 +190,7 @@ def _conclude(
     names = tuple(name for name, is_inside in zip(family.names, inside, strict=True) if is_inside)
     known = uncertainty(at.jacobian[0][inside], names)
     fitted = at.values[0]
-    left = whitened(np.moveaxis(data.whitener(), 0, -1), fitted - data.values.T)
+    left = whitened(np.moveaxis(data.whitener, 0, -1), fitted - data.values.T)
     freedom = data.values.size + len(family.prior) - len(names)
     chi_square = float((left * left).sum()) + _from_priors(family, x)
     scale = 1.0
@@ -271,7 +271,7 @@ def _weakness(
     exit_deg = np.arange(-80.0, 81.0)
     exit_rad, azimuth_rad = in_plane(np.radians(exit_deg))
     incidence_rad = np.full(len(exit_rad), np.median(data.incidence_rad))
-    middle = np.median(np.moveaxis(data.whitener(), 0, -1), axis=-1, keepdims=True)[None]
+    middle = np.median(np.moveaxis(data.whitener, 0, -1), axis=-1, keepdims=True)[None]
     whitener = np.broadcast_to(middle, (*middle.shape[:-1], len(exit_rad)))
     elsewhere = Problem(
         family.in_single_directions(),

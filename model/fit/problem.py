@@ -82,7 +82,7 @@ class Problem:
     @classmethod
     def of(cls, data: Dataset, family: SurfaceFamily, tolerated: float = np.inf) -> Problem:
         """The problem of one set of data."""
-        values, whitener = data.values.T[None], np.moveaxis(data.whitener(), 0, -1)[None]
+        values, whitener = data.values.T[None], np.moveaxis(data.whitener, 0, -1)[None]
         return cls(family, data.observable, data.directions, values, whitener, tolerated)
 
     def unseen(self, lengths2: FloatArray) -> NDArray[np.bool_]:
