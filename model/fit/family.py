@@ -135,6 +135,17 @@ class SurfaceFamily:
         surface = self.surface_of(values)
         return Acceptance(surface, self.detector_half_angle_rad) if self.detector_half_angle_rad else surface
 
+    def holding(self, name: str, value: float) -> SurfaceFamily:
+        """The same family with a free parameter held at a value, and with it those that are tied to it."""
+        ties = {tied: factor for tied, (other, factor) in self.tied.items() if other == name}
+        return replace(
+            self,
+            free={key: bounds for key, bounds in self.free.items() if key != name},
+            fixed={**self.fixed, name: value, **{tied: factor * value for tied, factor in ties.items()}},
+            tied={tied: tie for tied, tie in self.tied.items() if tied not in ties},
+            prior={key: known for key, known in self.prior.items() if key != name},
+        )
+
     def in_single_directions(self) -> SurfaceFamily:
         """The same family without the detector's cone: fast, and close but for the mirror direction itself."""
         return replace(self, detector_half_angle_rad=0.0)

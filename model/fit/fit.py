@@ -158,11 +158,7 @@ def _without_scale(family: SurfaceFamily, data: Dataset) -> tuple[SurfaceFamily,
     if held_weights or not family.weights:
         return family, {}
     unit = family.weights[0]
-    free = {name: bounds for name, bounds in family.free.items() if name != unit}
-    tied = {name: tie for name, tie in family.tied.items() if tie[0] != unit}
-    fixed = {**family.fixed, unit: 1.0, **{name: tie[1] for name, tie in family.tied.items() if tie[0] == unit}}
-    prior = {name: known for name, known in family.prior.items() if name != unit}
-    return replace(family, free=free, fixed=fixed, tied=tied, prior=prior), {unit: 1.0}
+    return family.holding(unit, 1.0), {unit: 1.0}
 
 
 def _require_enough(data: Dataset, family: SurfaceFamily) -> None:
