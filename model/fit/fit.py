@@ -22,7 +22,7 @@ from model.surface import Surface
 
 _SEARCHES = ("sobol", "genetic")
 _POLISHED = 4
-_MOST_STEPS = 200
+_MOST_STEPS, _ROUGH_STEPS, _CLOSE = 200, 30, 1e-3
 # Share of chi-square that a step must promise. A fit that follows a running scan ends sooner: what is left is some
 # hundredths of a standard error, and the next point moves the optimum by more.
 _SETTLED, _FOLLOWED = 1e-12, 1e-6
@@ -95,6 +95,7 @@ def fit(
         begins, settled = _checked_start(problem, start), _FOLLOWED
     else:
         begins, settled = _searched(compared, problem, search, seed), _SETTLED
+    problem = problem.resolving(begins)
     ends = minimise(problem, begins, np.zeros(len(begins), np.int64), most_steps=_MOST_STEPS, settled=settled)
     best = int(np.argmin(np.nan_to_num(ends.cost, nan=np.inf)))
     if not ends.settled[best]:
@@ -112,10 +113,18 @@ def _searched(data: Dataset, problem: Problem, search: Search, seed: int) -> Flo
     if np.isfinite(problem.tolerated) or problem.family.detector_half_angle_rad:
         # What a cone averages away moves the optimum by less than starts are apart.
         rough = Problem.of(_beside_the_pole(data, problem.family), problem.family.in_single_directions())
-    if search == "genetic":
-        return genetic_start(rough, 0, seed)[None]
-    starts: FloatArray = sobol_starts(rough, _ONE, _POLISHED, seed)[0]
-    return starts
+    starts = (
+        genetic_start(rough, 0, seed)[None] if search == "genetic" else sobol_starts(rough, _ONE, _POLISHED, seed)[0]
+    )
+    if rough is problem:
+        return starts
+    ends = minimise(rough, starts, np.zeros(len(starts), np.int64), most_steps=_ROUGH_STEPS, settled=_FOLLOWED)
+    order = np.argsort(np.nan_to_num(ends.cost, nan=np.inf))
+    apart: list[FloatArray] = []
+    for x in ends.x[order]:
+        if not any(np.allclose(x, other, rtol=_CLOSE, atol=_CLOSE * np.abs(x).max()) for other in apart):
+            apart.append(x)
+    return np.array(apart)
 
 
 def _beside_the_pole(data: Dataset, family: SurfaceFamily) -> Dataset:

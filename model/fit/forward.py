@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Mapping, Sequence
-from functools import cache
+from functools import cache, cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -51,15 +52,14 @@ class Forward:
         light: Light = "mueller" if elements == MUELLER else "unpolarized"
         cones = family.detector_half_angle_rad > 0.0
         if cones:
-            narrowest = {name: max(family.free[name][0], 0.0) for name in family.names if name not in ANGLES}
-            self._acceptance = Acceptance(family.surface_of(narrowest), family.detector_half_angle_rad)
+            self._acceptance = self._resolving({name: low for name, (low, _) in family.free.items()})
             groups = [[family.lobes[i] for i in part.places] for part in self._acceptance.parts]
         else:
             groups = [list(family.lobes)]
         one_incidence = not cones and bool((np.ptp(self._directions[0], axis=1) == 0.0).all())
         varied = tuple(name for name in family.names if name not in family.instrument)
         angles = () if cones else self._moving
-        self._sums = [_Sum(family, lobes, light, varied, angles, one_incidence) for lobes in groups]
+        self._sums = [LobeSum(family, lobes, light, varied, angles, one_incidence) for lobes in groups]
         self._has_cones = cones
         self._rays: list[Rays] | None = None
 
@@ -69,6 +69,18 @@ class Forward:
         directions = [angle if len(angle) == 1 else angle[problems] for angle in self._directions]
         light, slopes = self._cones(values, directions) if self._has_cones else self._rays_of(values, directions)
         return reported(self._family, values, light, slopes)
+
+    def resolving(self, x: FloatArray) -> Forward:
+        """The same with cones' nodes just dense enough for surfaces like these, x (b, P), instead of for all."""
+        if not self._has_cones:
+            return self
+        like = copy.copy(self)
+        like._acceptance = self._resolving(dict(zip(self._family.names, x.min(axis=0).tolist(), strict=True)))
+        like._rays = None
+        return like
+
+    def _resolving(self, narrowest: Mapping[str, float]) -> Acceptance:
+        return Acceptance(self._family.surface_of(narrowest), self._family.detector_half_angle_rad)
 
     def _rays_of(self, values: Mapping[str, FloatArray], directions: Sequence[FloatArray]) -> tuple[FloatArray, ...]:
         at, turns = moved(self._family, values, directions)
@@ -129,8 +141,24 @@ class Forward:
         return ordered
 
 
-class _Sum:
-    """Some lobes of a family, compiled."""
+class LobeSum:
+    """Light of some lobes of a family, and its derivatives: the program of it, and what that takes.
+
+    Parameters
+    ----------
+    family : SurfaceFamily
+        What is free.
+    lobes : sequence of Lobe
+        Some of the family's.
+    light : Light
+        What to make of the sum.
+    varied : tuple of str
+        Free parameters of the surface to derive by.
+    angles : tuple of str
+        Offsets of angles to derive by, after those.
+    one_incidence : bool
+        Whether all directions of a problem have the same incidence.
+    """
 
     def __init__(
         self,
@@ -154,28 +182,41 @@ class _Sum:
         changes += tuple(((ANGLES[name], 1.0),) for name in angles)
         inputs = (*numbers, *named(rates))
         addends = tuple(self._wiring.addends(family.surface_of(example)))
-        program = Program(addends, inputs, light, changes, with_light=True)
-        fixed = frozenset(["incidence"] if one_incidence else [])
+        self.program = Program(addends, inputs, light, changes, with_light=True)
         self._one_incidence = one_incidence
-        self._kernel = _compiled(program, fixed)
-        self._inputs_in_order = inputs
+
+    @property
+    def uniform(self) -> frozenset[str]:
+        """Inputs that are one number for all directions of a problem."""
+        return frozenset(self.program.inputs) | frozenset(["incidence"] if self._one_incidence else [])
+
+    def inputs(self, values: Mapping[str, FloatArray], at: Sequence[FloatArray]) -> list[NDArray[np.float64]]:
+        """What the program takes for these values (b,) of the free parameters and directions (b or 1, N), in order."""
+        numbers, rates = self._wiring.inputs(values)
+        given = {**numbers, **named(rates)}
+        incidence = at[0][:, :1] if self._one_incidence else at[0]
+        return [
+            incidence,
+            *at[1:],
+            *(np.asarray(given[name], np.float64).reshape(-1, 1) for name in self.program.inputs),
+        ]
 
     def __call__(
         self, values: Mapping[str, FloatArray], at: Sequence[FloatArray], times: int, elements: int
     ) -> tuple[FloatArray, FloatArray]:
-        numbers, rates = self._wiring.inputs(values)
-        given = {**numbers, **named(rates)}
-        incidence = at[0][:, :1] if self._one_incidence else at[0]
-        arrays = [incidence, at[1], at[2]]
-        arrays += [np.asarray(given[name], np.float64).reshape(-1, 1) for name in self._inputs_in_order]
-        rows = self._kernel.repeated(arrays, times, at[1].shape[1])
+        """Light (times, elements, N) and derivatives (times, names, elements, N)."""
+        rows = self._kernel.repeated(self.inputs(values, at), times, at[1].shape[1])
         split = np.asarray(rows, np.float64).reshape(times, -1, elements, rows.shape[-1])
         return split[:, 0], split[:, 1:]
 
+    @cached_property
+    def _kernel(self) -> Kernel:
+        return _compiled(self.program, self.uniform)
+
 
 @cache
-def _compiled(program: Program, fixed: frozenset[str]) -> Kernel:
-    return Kernel(program.record, [*DIRECTIONS, *program.inputs], fixed | frozenset(program.inputs), "float64")
+def _compiled(program: Program, uniform: frozenset[str]) -> Kernel:
+    return Kernel(program.record, [*DIRECTIONS, *program.inputs], uniform, "float64")
 
 
 def _averaged(elements: FloatArray, rays: Rays) -> FloatArray:

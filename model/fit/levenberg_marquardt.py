@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from model.fit.problem import Difference, Places, Problem
+from model.fit.problem import Places, Problem
 from model.geometry import FloatArray
 
 _FIRST_DAMPING, _LEAST_DAMPING, _MOST_DAMPING = 1e-3, 1e-12, 1e16
@@ -78,9 +78,9 @@ class _State:
         self.steps = np.zeros(len(x), np.int64)
         self.active = np.arange(len(x))
         self.floor = problem.rounding[which if problem.count > 1 else np.zeros(len(x), np.int64)]
-        at = problem.difference(x, which)
+        at = problem.normal_equations(x, which)
         self.cost = at.cost.copy()
-        self._gradient, self._normal = _normal_equations(at)
+        self._gradient, self._normal = at.gradient, at.normal
         self._damping = np.full(len(x), _FIRST_DAMPING)
         self._growth = np.full(len(x), 2.0)
         self._scale: FloatArray = np.zeros_like(x)
@@ -98,15 +98,14 @@ class _State:
         cost = self.cost[now]
         worthless = promised <= self.share * cost + self.floor[now]
         trial = np.clip(x + move, problem.low, problem.high)
-        at = problem.difference(trial, self.which[now])
+        at = problem.normal_equations(trial, self.which[now])
         gained = cost - at.cost
         better = (gained > 0.0) & np.isfinite(at.cost)
         kept = better & (promised > 0.0)
         ratio = np.where(kept, np.minimum(gained, 2.0 * promised) / np.where(kept, promised, 1.0), 0.0)
         self.x[now[better]], self.cost[now[better]] = trial[better], at.cost[better]
-        gradient, normal = _normal_equations(at)
-        self._gradient = np.where(better[:, None], gradient, self._gradient)
-        self._normal = np.where(better[:, None, None], normal, self._normal)
+        self._gradient = np.where(better[:, None], at.gradient, self._gradient)
+        self._normal = np.where(better[:, None, None], at.normal, self._normal)
         calmer = np.maximum(1.0 / 3.0, 1.0 - (2.0 * np.clip(ratio, 0.0, 1.0) - 1.0) ** 3)
         self._damping = np.where(
             better, np.maximum(self._damping * calmer, _LEAST_DAMPING), self._damping * self._growth
@@ -123,12 +122,6 @@ class _State:
         self.active = self.active[going]
         for name in ("_gradient", "_normal", "_damping", "_growth", "_scale"):
             setattr(self, name, getattr(self, name)[going])
-
-
-def _normal_equations(at: Difference) -> tuple[FloatArray, FloatArray]:
-    gradient = np.matmul(at.jacobian, at.residuals[..., None])[..., 0]
-    normal: FloatArray = np.matmul(at.jacobian, at.jacobian.swapaxes(-1, -2))
-    return gradient, normal
 
 
 def _move(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 from dataclasses import dataclass
 
 import numpy as np
@@ -37,6 +38,25 @@ class Difference:
     jacobian: FloatArray
     cost: FloatArray
     values: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class NormalEquations:
+    """What a step of least squares follows from, for b problems.
+
+    Attributes
+    ----------
+    cost : ndarray
+        Shape (b,).
+    gradient : ndarray
+        Shape (b, P): products of the Jacobian and the residuals, half of the cost's gradient.
+    normal : ndarray
+        Shape (b, P, P): products of the Jacobian with itself.
+    """
+
+    cost: FloatArray
+    gradient: FloatArray
+    normal: FloatArray
 
 
 class Problem:
@@ -85,6 +105,12 @@ class Problem:
         values, whitener = data.values.T[None], np.moveaxis(data.whitener, 0, -1)[None]
         return cls(family, data.observable, data.directions, values, whitener, tolerated)
 
+    def resolving(self, x: FloatArray) -> Problem:
+        """The same problem with cones' nodes just dense enough for surfaces like these, x (b, P)."""
+        like = copy.copy(self)
+        like._forward = self._forward.resolving(x)
+        return like
+
     def unseen(self, lengths2: FloatArray) -> NDArray[np.bool_]:
         """Which parameters (b, P) no value depends on, from the squared lengths (b, P) of the Jacobian's rows.
 
@@ -130,6 +156,12 @@ class Problem:
             residuals, jacobian = np.concatenate([residuals, off], axis=1), np.concatenate([jacobian, pull], axis=2)
             cost = cost + (off * off).sum(axis=1)
         return Difference(residuals, jacobian, cost, values)
+
+    def normal_equations(self, x: FloatArray, which: Places) -> NormalEquations:
+        """The normal equations of surfaces with the parameters x (b, P) and the sets of data of these numbers (b,)."""
+        at = self.difference(x, which)
+        gradient = np.matmul(at.jacobian, at.residuals[..., None])[..., 0]
+        return NormalEquations(at.cost, gradient, np.matmul(at.jacobian, at.jacobian.swapaxes(-1, -2)))
 
     def _bounded(self, residuals: FloatArray, jacobian: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         # Huber's loss of each direction's length; weights √(limit/length) make its gradient that of least squares.
