@@ -8,7 +8,7 @@ PYTHON ?= python3
 BIN := .venv/bin
 endif
 
-.PHONY: demo test long interop bench bench-model lint format clean
+.PHONY: demo test long interop bench bench-model bench-fit lint format clean
 
 demo: .venv/installed
 	$(BIN)/goniometer run recipes/iron_60deg.yaml --speed 20
@@ -27,6 +27,9 @@ bench: .venv/installed .venv-bench/installed
 
 bench-model: .venv/installed .venv-bench/installed
 	$(BIN)/python benchmarks/model_cost.py --plot docs/model_cost.png
+
+bench-fit: .venv/installed .venv-bench/installed
+	$(subst .venv,.venv-bench,$(BIN))/python benchmarks/live_fit.py
 
 lint: .venv/installed
 	$(BIN)/ruff check .

@@ -262,7 +262,7 @@ def _differ(one: FloatArray, other: FloatArray, stderr: FloatArray, inside: NDAr
 def _outliers(left: FloatArray) -> tuple[Outlier, ...]:
     width, count = left.shape
     length2 = (left * left).sum(axis=0)
-    strange = np.flatnonzero(chdtrc(width, length2) * count < _UNLIKELY)
+    strange = np.flatnonzero(length2 > chdtri(width, _UNLIKELY / count))
     worst_first = strange[np.argsort(-length2[strange])]
     return tuple(Outlier(int(row), float(np.sqrt(length2[row]))) for row in worst_first)
 

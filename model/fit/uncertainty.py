@@ -12,6 +12,7 @@ from model.geometry import FloatArray
 
 _SINGULAR = 1e-8
 _PART = 0.1
+_BLOCK = 512
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,7 +67,7 @@ def uncertainty(jacobian: FloatArray, names: Sequence[str]) -> Uncertainty:
     lengths = np.linalg.norm(jacobian, axis=1)
     # Unit columns: whether parameters can be told apart must not depend on the units they are counted in.
     unit = jacobian.T / np.where(lengths > 0.0, lengths, 1.0)
-    _, singular, directions = np.linalg.svd(unit, full_matrices=False)
+    _, singular, directions = np.linalg.svd(_short(unit), full_matrices=False)
     blind = singular <= _SINGULAR * singular[0]
     if blind.any() or len(singular) < len(names):
         share = np.linalg.norm(directions[blind], axis=0)
@@ -83,3 +84,18 @@ def uncertainty(jacobian: FloatArray, names: Sequence[str]) -> Uncertainty:
         condition=float(singular[0] / singular[-1]),
         weakest=directions[-1] / singular[-1] / lengths,
     )
+
+
+def _short(tall: FloatArray) -> FloatArray:
+    """A matrix of few rows with the same singular values and directions, by QR of blocks of rows, and of what is left.
+
+    Blocks are small enough for one thread: a library that shares a tall matrix out among threads waits for all of them,
+    which beside a running scan takes many times as long.
+    """
+    while len(tall) > 2 * _BLOCK:
+        blocks = -(-len(tall) // _BLOCK)
+        whole = np.zeros((blocks * _BLOCK, tall.shape[1]))
+        whole[: len(tall)] = tall
+        triangles = np.asarray(np.linalg.qr(whole.reshape(blocks, _BLOCK, -1), mode="r"))
+        tall = triangles.reshape(-1, tall.shape[1])
+    return tall
