@@ -22,12 +22,13 @@ from model.surface import Surface
 
 _SEARCHES = ("sobol", "genetic")
 _POLISHED = 4
-_MOST_STEPS, _ROUGH_STEPS, _CLOSE = 200, 30, 1e-3
+_MOST_STEPS, _ROUGH_STEPS, _CLOSE = 1000, 30, 1e-3
 # Share of chi-square that a step must promise. A fit that follows a running scan ends sooner: what is left is some
 # hundredths of a standard error, and the next point moves the optimum by more.
 _SETTLED, _FOLLOWED = 1e-12, 1e-6
 _EXCESS = 4.0
 _SAME = 0.3
+_AT_BOUND, _BESIDE = 1e-6, 1e-2
 _TOLERATED = 0.05
 _UNLIKELY = 0.01
 _ONE = np.zeros(1, np.int64)
@@ -192,8 +193,13 @@ def _conclude(
     at = problem.difference(x[None], _ONE)
     gradient = at.jacobian[0] @ at.residuals[0]
     inside = ~_is_held(x, gradient, problem, at.jacobian)
-    names = tuple(name for name, is_inside in zip(family.names, inside, strict=True) if is_inside)
-    known = uncertainty(at.jacobian[0][inside], names)
+    known = uncertainty(at.jacobian[0][inside], _chosen(family.names, inside))
+    vague = np.zeros_like(inside)
+    vague[inside] = _is_vague(x[inside], known.stderr, problem.low[inside], problem.high[inside])
+    if vague.any():
+        inside &= ~vague
+        known = uncertainty(at.jacobian[0][inside], _chosen(family.names, inside))
+    names = _chosen(family.names, inside)
     fitted = at.values[0]
     left = whitened(np.moveaxis(data.whitener, 0, -1), fitted - data.values.T)
     freedom = data.values.size + len(family.prior) - len(names)
@@ -226,11 +232,30 @@ def _conclude(
 
 
 def _is_held(x: FloatArray, gradient: FloatArray, problem: Problem, jacobian: FloatArray) -> NDArray[np.bool_]:
-    """Which parameters are at a bound, and would go beyond if they could."""
+    """Which parameters are at a bound, or so close that the search has but not quite got there.
+
+    At k = 0 reflectance has no slope by k, so that the last of the way is never gone.
+    """
     unseen = problem.unseen(np.einsum("bpr,bpr->bp", jacobian, jacobian))[0] & problem.is_weight
-    at_low = (x <= problem.low) & ((gradient >= 0.0) | unseen)
-    held: NDArray[np.bool_] = at_low | ((x >= problem.high) & (gradient <= 0.0))
+    width = problem.high - problem.low
+    close = np.where(np.isfinite(width), _AT_BOUND * width, 0.0)
+    at_low = (x <= problem.low + close) & ((gradient >= 0.0) | unseen | (x > problem.low))
+    held: NDArray[np.bool_] = at_low | ((x >= problem.high - close) & ((gradient <= 0.0) | (x < problem.high)))
     return held
+
+
+def _is_vague(x: FloatArray, stderr: FloatArray, low: FloatArray, high: FloatArray) -> NDArray[np.bool_]:
+    """Which parameters are beside a bound, with an error beyond all bounds: one that says nothing.
+
+    So it is with k beside 0, where reflectance goes with k².
+    """
+    width = high - low
+    vague: NDArray[np.bool_] = (stderr > width) & (np.minimum(x - low, high - x) < _BESIDE * width)
+    return vague & np.isfinite(width)
+
+
+def _chosen(names: tuple[str, ...], inside: NDArray[np.bool_]) -> tuple[str, ...]:
+    return tuple(name for name, is_inside in zip(names, inside, strict=True) if is_inside)
 
 
 def _from_priors(family: SurfaceFamily, x: FloatArray) -> float:
