@@ -155,3 +155,20 @@ def test_k_beside_zero_has_no_error_beyond_its_bounds() -> None:
     assert result.parameters["k"].at_bound
     assert result.parameters["k"].stderr is None
     assert result.parameters["n"].stderr < 8.0
+
+
+def test_a_robust_cost_is_hubers_and_its_gradient_the_derivative() -> None:
+    data = measured(METAL, IRON, 1, 1e-2)
+    limit = 30.0
+    problem = Problem.of(data, METAL, tolerated=limit)
+    x, one = np.array([[0.2, 2.5, 3.3, 0.65, 0.12, 0.04]]), np.zeros(1, np.int64)
+    plain = Problem.of(data, METAL).difference(x, one).residuals[0].reshape(3, 61)
+    length = np.sqrt((plain**2).sum(axis=0))
+    assert 5 < (length > limit).sum() < 56
+    by_hand = np.where(length <= limit, length**2, 2.0 * limit * length - limit**2).sum()
+    at = problem.difference(x, one)
+    assert_allclose(at.cost, by_hand, rtol=1e-12)
+    for place in range(6):
+        step = 1e-6 * x * (np.arange(6) == place)
+        rise = problem.difference(x + step, one).cost - problem.difference(x - step, one).cost
+        assert_allclose(2.0 * at.jacobian[0, place] @ at.residuals[0], rise / (2.0 * step.sum()), rtol=1e-5)
