@@ -3,35 +3,28 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
-from scipy.special import chdtrc, chdtri
+from scipy.special import chdtri
 
 from goniometer.errors import FitError
+from model.fit.conclusion import conclude
 from model.fit.dataset import OBJECTIVES, Dataset, Objective
 from model.fit.family import SurfaceFamily, whole_family
-from model.fit.levenberg_marquardt import Optimum, minimise
-from model.fit.problem import Problem, whitened
-from model.fit.result import Alternative, Estimate, FitResult, Outlier, Weakness
-from model.fit.start import Search, genetic_start, projected, sobol_starts
-from model.fit.uncertainty import Uncertainty, uncertainty
-from model.geometry import FloatArray, in_plane
+from model.fit.levenberg_marquardt import minimise
+from model.fit.problem import Problem
+from model.fit.result import FitResult
+from model.fit.rough_search import starts
+from model.fit.start import Search, projected
+from model.geometry import FloatArray
 from model.surface import Surface
 
 _SEARCHES = ("sobol", "genetic")
-_POLISHED = 4
-_MOST_STEPS, _ROUGH_STEPS, _CLOSE = 1000, 30, 1e-3
+_MOST_STEPS = 1000
 # Share of chi-square that a step must promise. A fit that follows a running scan ends sooner: what is left is some
 # hundredths of a standard error, and the next point moves the optimum by more.
 _SETTLED, _FOLLOWED = 1e-12, 1e-6
-_EXCESS = 4.0
-_SAME = 0.3
-_AT_BOUND, _BESIDE = 1e-6, 1e-2
 _TOLERATED = 0.05
-_UNLIKELY = 0.01
-_ONE = np.zeros(1, np.int64)
 
 
 def fit(
@@ -95,7 +88,7 @@ def fit(
     if start is not None:
         begins, settled = _checked_start(problem, start), _FOLLOWED
     else:
-        begins, settled = _searched(compared, problem, search, seed), _SETTLED
+        begins, settled = starts(compared, problem, search, seed), _SETTLED
     problem = problem.resolving(begins)
     ends = minimise(problem, begins, np.zeros(len(begins), np.int64), most_steps=_MOST_STEPS, settled=settled)
     best = int(np.argmin(np.nan_to_num(ends.cost, nan=np.inf)))
@@ -105,38 +98,7 @@ def fit(
             f"values of {', '.join(family.names)} apart. No result is given. Measure more directions, or fix one of "
             f"them."
         )
-    return _conclude(problem, compared, ends, best, held, start is None)
-
-
-def _searched(data: Dataset, problem: Problem, search: Search, seed: int) -> FloatArray:
-    """Starts (b, P) for least squares."""
-    rough = problem
-    if np.isfinite(problem.tolerated) or problem.family.detector_half_angle_rad:
-        # What a cone averages away moves the optimum by less than starts are apart.
-        rough = Problem.of(_beside_the_pole(data, problem.family), problem.family.in_single_directions())
-    starts = (
-        genetic_start(rough, 0, seed)[None] if search == "genetic" else sobol_starts(rough, _ONE, _POLISHED, seed)[0]
-    )
-    if rough is problem:
-        return starts
-    ends = minimise(rough, starts, np.zeros(len(starts), np.int64), most_steps=_ROUGH_STEPS, settled=_FOLLOWED)
-    order = np.argsort(np.nan_to_num(ends.cost, nan=np.inf))
-    apart: list[FloatArray] = []
-    for x in ends.x[order]:
-        if not any(np.allclose(x, other, rtol=_CLOSE, atol=_CLOSE * np.abs(x).max()) for other in apart):
-            apart.append(x)
-    return np.array(apart)
-
-
-def _beside_the_pole(data: Dataset, family: SurfaceFamily) -> Dataset:
-    """The data as if measured beside the mirror direction by half the cone's angle, where they are closer to it.
-
-    There a pole 1/ϱ is as high as its mean over the cone.
-    """
-    aside = family.detector_half_angle_rad / 2.0
-    forward = np.cos(data.azimuth_rad) < 0.0
-    close = forward & (np.abs(data.exit_rad - data.incidence_rad) < aside)
-    return replace(data, exit_rad=np.where(close, np.maximum(data.incidence_rad - aside, 0.0), data.exit_rad))
+    return conclude(problem, compared, ends, best, held, start is None)
 
 
 def _checked_start(problem: Problem, start: Mapping[str, float]) -> FloatArray:
@@ -184,133 +146,3 @@ def _require_enough(data: Dataset, family: SurfaceFamily) -> None:
             f"All {len(data)} rows of {data.name} hold the same values, though their directions differ: the detector "
             f"was stuck, saturated or dark, or there is no polarization. Nothing was fitted. Measure again."
         )
-
-
-def _conclude(
-    problem: Problem, data: Dataset, ends: Optimum, best: int, held: dict[str, float], searched: bool
-) -> FitResult:
-    family, x = problem.family, ends.x[best]
-    at = problem.difference(x[None], _ONE)
-    gradient = at.jacobian[0] @ at.residuals[0]
-    inside = ~_is_held(x, gradient, problem, at.jacobian)
-    known = uncertainty(at.jacobian[0][inside], _chosen(family.names, inside))
-    vague = np.zeros_like(inside)
-    vague[inside] = _is_vague(x[inside], known.stderr, problem.low[inside], problem.high[inside])
-    if vague.any():
-        inside &= ~vague
-        known = uncertainty(at.jacobian[0][inside], _chosen(family.names, inside))
-    names = _chosen(family.names, inside)
-    fitted = at.values[0]
-    left = whitened(np.moveaxis(data.whitener, 0, -1), fitted - data.values.T)
-    freedom = data.values.size + len(family.prior) - len(names)
-    chi_square = float((left * left).sum()) + _from_priors(family, x)
-    scale = 1.0
-    if data.covariance is None:
-        scale = float(np.sqrt(chi_square / freedom)) if freedom > 0 else np.nan
-        chi_square = float(freedom)
-    known = known.scaled(scale)
-    errors = dict(zip(names, known.stderr.tolist(), strict=True))
-    values = dict(zip(family.names, x.tolist(), strict=True))
-    return FitResult(
-        parameters={name: Estimate(value, errors.get(name), name not in errors) for name, value in values.items()},
-        chi_square=chi_square,
-        degrees_of_freedom=freedom,
-        p_value=float(chdtrc(freedom, chi_square)) if data.covariance is not None and freedom > 0 else None,
-        rms=float(np.sqrt(np.mean((fitted - data.values.T) ** 2))),
-        names=names,
-        correlation=known.correlation,
-        condition=known.condition,
-        weakness=_weakness(family, data, x, names, known) if searched else None,
-        alternatives=_alternatives(family, ends, best, scale, known, inside),
-        outliers=_outliers(left / scale),
-        held=held,
-        fitted=fitted.T,
-        stokes=fitted[:3].T if data.observable.columns[:3] == ("s0", "s1", "s2") else problem.stokes(x),
-        surface=family.seen(values),
-        columns=data.observable.columns,
-    )
-
-
-def _is_held(x: FloatArray, gradient: FloatArray, problem: Problem, jacobian: FloatArray) -> NDArray[np.bool_]:
-    """Which parameters are at a bound, or so close that the search has but not quite got there.
-
-    At k = 0 reflectance has no slope by k, so that the last of the way is never gone.
-    """
-    unseen = problem.unseen(np.einsum("bpr,bpr->bp", jacobian, jacobian))[0] & problem.is_weight
-    width = problem.high - problem.low
-    close = np.where(np.isfinite(width), _AT_BOUND * width, 0.0)
-    at_low = (x <= problem.low + close) & ((gradient >= 0.0) | unseen | (x > problem.low))
-    held: NDArray[np.bool_] = at_low | ((x >= problem.high - close) & ((gradient <= 0.0) | (x < problem.high)))
-    return held
-
-
-def _is_vague(x: FloatArray, stderr: FloatArray, low: FloatArray, high: FloatArray) -> NDArray[np.bool_]:
-    """Which parameters are beside a bound, with an error beyond all bounds: one that says nothing.
-
-    So it is with k beside 0, where reflectance goes with k².
-    """
-    width = high - low
-    vague: NDArray[np.bool_] = (stderr > width) & (np.minimum(x - low, high - x) < _BESIDE * width)
-    return vague & np.isfinite(width)
-
-
-def _chosen(names: tuple[str, ...], inside: NDArray[np.bool_]) -> tuple[str, ...]:
-    return tuple(name for name, is_inside in zip(names, inside, strict=True) if is_inside)
-
-
-def _from_priors(family: SurfaceFamily, x: FloatArray) -> float:
-    return sum(
-        ((float(x[family.names.index(name)]) - mean) / stddev) ** 2 for name, (mean, stddev) in family.prior.items()
-    )
-
-
-def _alternatives(
-    family: SurfaceFamily, ends: Optimum, best: int, scale: float, known: Uncertainty, inside: NDArray[np.bool_]
-) -> tuple[Alternative, ...]:
-    found: list[Alternative] = []
-    taken = [ends.x[best]]
-    for place in np.argsort(ends.cost):
-        excess = float(ends.cost[place] - ends.cost[best]) / scale**2
-        if not (ends.settled[place] and excess < _EXCESS):
-            continue
-        if all(_differ(ends.x[place], other, known.stderr, inside) for other in taken):
-            taken.append(ends.x[place])
-            found.append(Alternative(dict(zip(family.names, ends.x[place].tolist(), strict=True)), excess))
-    return tuple(found)
-
-
-def _differ(one: FloatArray, other: FloatArray, stderr: FloatArray, inside: NDArray[np.bool_]) -> bool:
-    apart = np.abs(one - other)
-    return bool((apart[inside] > _SAME * stderr).any() or (apart[~inside] > 1e-3 * np.abs(one[~inside])).any())
-
-
-def _outliers(left: FloatArray) -> tuple[Outlier, ...]:
-    width, count = left.shape
-    length2 = (left * left).sum(axis=0)
-    strange = np.flatnonzero(length2 > chdtri(width, _UNLIKELY / count))
-    worst_first = strange[np.argsort(-length2[strange])]
-    return tuple(Outlier(int(row), float(np.sqrt(length2[row]))) for row in worst_first)
-
-
-def _weakness(
-    family: SurfaceFamily, data: Dataset, x: FloatArray, names: tuple[str, ...], known: Uncertainty
-) -> Weakness | None:
-    """What the data can hardly tell apart, and where in the plane of incidence a further reading would tell most."""
-    if len(names) < 2:
-        return None
-    exit_deg = np.arange(-80.0, 81.0)
-    exit_rad, azimuth_rad = in_plane(np.radians(exit_deg))
-    incidence_rad = np.full(len(exit_rad), np.median(data.incidence_rad))
-    middle = np.median(np.moveaxis(data.whitener, 0, -1), axis=-1, keepdims=True)[None]
-    whitener = np.broadcast_to(middle, (*middle.shape[:-1], len(exit_rad)))
-    elsewhere = Problem(
-        family.in_single_directions(),
-        data.observable,
-        (incidence_rad, exit_rad, azimuth_rad),
-        np.zeros((1, middle.shape[1], len(exit_rad))),
-        whitener,
-    )
-    rows = elsewhere.difference(x[None], _ONE).jacobian[0][[family.names.index(name) for name in names]]
-    change = (known.weakest @ rows)[: middle.shape[1] * len(exit_rad)].reshape(middle.shape[1], -1)
-    told = np.nan_to_num((change * change).sum(axis=0), posinf=0.0)
-    return Weakness(dict(zip(names, known.weakest.tolist(), strict=True)), float(np.radians(exit_deg[np.argmax(told)])))

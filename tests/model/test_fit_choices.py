@@ -301,3 +301,23 @@ def test_the_bootstrap_scatters_by_the_standard_error() -> None:
 def test_chi_square_and_its_p_value_agree() -> None:
     result = fit(scan(IRON), METAL)
     assert_allclose(result.p_value, chi2.sf(result.chi_square, result.degrees_of_freedom), rtol=1e-9)
+
+
+def test_profile_and_bootstrap_know_priors_and_data_without_errors() -> None:
+    few = scan(IRON, exit_deg=np.array([10.0, 30.0, 50.0]), relative=3e-3)
+    family = lobe_family(LOBES, SHAPES, prior={"n": (2.95, 0.02)})
+    result = fit(few, family)
+    estimate = result.parameters["n"]
+    interval = profile(few, family, result, "n").interval(0.6827)
+    assert_allclose(interval, estimate.value + np.array([-1.0, 1.0]) * estimate.stderr, atol=0.1 * estimate.stderr)
+    even = replace(scan(IRON, None), covariance=None)
+    noise = 1e-4 * np.random.default_rng(3).standard_normal(even.values.shape)
+    # Five rows and six parameters: of fifteen values nine tell the errors.
+    even = replace(even, values=even.values + noise).some(np.arange(0, 61, 13))
+    result = fit(even, METAL)
+    assert result.degrees_of_freedom == 9
+    estimate = result.parameters["sigma"]
+    interval = profile(even, METAL, result, "sigma").interval(0.6827)
+    assert_allclose(interval, estimate.value + np.array([-1.0, 1.0]) * estimate.stderr, atol=0.1 * estimate.stderr)
+    scatter = bootstrap(even, METAL, result, count=600).stderr["sigma"]
+    assert_allclose(scatter, estimate.stderr, rtol=0.12)

@@ -11,6 +11,7 @@ from numpy.testing import assert_allclose
 from model.fit import Dataset, SurfaceFamily, fit, lobe_family
 from model.fit.levenberg_marquardt import minimise
 from model.fit.problem import Problem
+from model.fit.rough_search import starts
 from model.geometry import in_plane
 
 LOBES = ("specular", "diffuse", "directional")
@@ -81,7 +82,9 @@ def test_units_do_not_matter(scale: float) -> None:
 def test_the_order_of_rows_does_not_matter_and_halves_join_to_the_whole() -> None:
     data = measured(METAL, IRON, 1, 1e-3)
     shuffled = data.some(np.random.default_rng(0).permutation(61))
-    joined = data.some(np.arange(40)).joined(data.some(np.arange(40, 61)))
+    first = data.some(np.arange(40))
+    assert first.whitener.shape == (40, 3, 3)
+    joined = first.joined(data.some(np.arange(40, 61)))
     whole = fit(data, METAL)
     for other in (fit(shuffled, METAL), fit(joined, METAL)):
         assert_allclose(list(other.values.values()), list(whole.values.values()), rtol=1e-7)
@@ -172,3 +175,30 @@ def test_a_robust_cost_is_hubers_and_its_gradient_the_derivative() -> None:
         step = 1e-6 * x * (np.arange(6) == place)
         rise = problem.difference(x + step, one).cost - problem.difference(x - step, one).cost
         assert_allclose(2.0 * at.jacobian[0, place] @ at.residuals[0], rise / (2.0 * step.sum()), rtol=1e-5)
+
+
+@pytest.mark.parametrize("search", ["sobol", "genetic"])
+def test_a_cone_is_searched_without_it_and_its_caustic(search: str) -> None:
+    seen = lobe_family(LOBES, METAL.free, bounces=3, detector_half_angle_rad=0.02)
+    exit_rad, azimuth_rad = in_plane(np.radians(EVERY_DEGREE))
+    at = np.full(61, np.radians(60.0)), exit_rad, azimuth_rad
+    stokes = seen.seen(IRON).stokes(*at)[:, :3]
+    data = Dataset(*at, stokes, np.broadcast_to(1e-8 * np.eye(3), (61, 3, 3)))
+    found = starts(data, Problem.of(data, seen), search, 0)
+    # The last direction is the mirror's, where a single ray would see an infinite brightness. What is narrower than
+    # the cone, as the directional lobe here, has its weight wrong.
+    shapes = [IRON[name] for name in seen.shapes]
+    assert np.abs(found[:, :3] / shapes - 1.0).max(axis=1).min() < 0.1
+
+
+def test_cones_are_resolved_as_the_surface_asks() -> None:
+    seen = lobe_family(LOBES, METAL.free, bounces=2, detector_half_angle_rad=0.05)
+    at = np.full(9, 1.0), np.linspace(0.2, 1.2, 9), np.full(9, np.pi)
+    data = Dataset(*at, np.random.default_rng(0).random((9, 3)))
+    problem, one = Problem.of(data, seen), np.zeros(1, np.int64)
+    x = np.array([[IRON[name] for name in seen.names]])
+    fine = problem.difference(x, one).values
+    own = problem.resolving(x).difference(x, one).values
+    assert_allclose(own[0].T, seen.seen(IRON).stokes(*at)[:, :3], rtol=1e-12, atol=1e-15)
+    assert_allclose(fine, own, rtol=1e-3, atol=1e-5)
+    assert np.abs(fine - own).max() > 0.0

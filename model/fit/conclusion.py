@@ -1,0 +1,149 @@
+"""From where least squares ended to what a person must know of it."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import chdtrc, chdtri
+
+from model.fit.dataset import Dataset
+from model.fit.family import SurfaceFamily
+from model.fit.levenberg_marquardt import Optimum
+from model.fit.problem import Problem, whitened
+from model.fit.result import Alternative, Estimate, FitResult, Outlier
+from model.fit.uncertainty import Uncertainty, uncertainty
+from model.fit.weakness import weakness
+from model.geometry import FloatArray
+
+_EXCESS, _SAME = 4.0, 0.3
+_AT_BOUND, _BESIDE = 1e-6, 1e-2
+_UNLIKELY = 0.01
+_ONE = np.zeros(1, np.int64)
+
+
+def conclude(
+    problem: Problem, data: Dataset, ends: Optimum, best: int, held: dict[str, float], searched: bool
+) -> FitResult:
+    """The result of a fit.
+
+    Parameters
+    ----------
+    problem : Problem
+        What was minimised.
+    data : Dataset
+        Its data.
+    ends : Optimum
+        Where least squares ended from each start.
+    best : int
+        Which of these is the best.
+    held : dict of str to float
+        What had to be held.
+    searched : bool
+        Whether nothing was known beforehand, so that there is time for what only a final result needs.
+
+    Raises
+    ------
+    FitError
+        If the data leave parameters undetermined.
+    """
+    family, x = problem.family, ends.x[best]
+    at = problem.difference(x[None], _ONE)
+    gradient = at.jacobian[0] @ at.residuals[0]
+    inside = ~_is_held(x, gradient, problem, at.jacobian)
+    known = uncertainty(at.jacobian[0][inside], _chosen(family.names, inside))
+    vague = np.zeros_like(inside)
+    vague[inside] = _is_vague(x[inside], known.stderr, problem.low[inside], problem.high[inside])
+    if vague.any():
+        inside &= ~vague
+        known = uncertainty(at.jacobian[0][inside], _chosen(family.names, inside))
+    names = _chosen(family.names, inside)
+    fitted = at.values[0]
+    left = whitened(np.moveaxis(data.whitener, 0, -1), fitted - data.values.T)
+    freedom = data.values.size + len(family.prior) - len(names)
+    chi_square = float((left * left).sum()) + _from_priors(family, x)
+    scale = 1.0
+    if data.covariance is None:
+        scale = float(np.sqrt(chi_square / freedom)) if freedom > 0 else np.nan
+        chi_square = float(freedom)
+    known = known.scaled(scale)
+    errors = dict(zip(names, known.stderr.tolist(), strict=True))
+    values = dict(zip(family.names, x.tolist(), strict=True))
+    return FitResult(
+        parameters={name: Estimate(value, errors.get(name), name not in errors) for name, value in values.items()},
+        chi_square=chi_square,
+        degrees_of_freedom=freedom,
+        p_value=float(chdtrc(freedom, chi_square)) if data.covariance is not None and freedom > 0 else None,
+        rms=float(np.sqrt(np.mean((fitted - data.values.T) ** 2))),
+        names=names,
+        correlation=known.correlation,
+        condition=known.condition,
+        weakness=weakness(family, data, x, names, known) if searched else None,
+        alternatives=_alternatives(family, ends, best, scale, known, inside),
+        outliers=_outliers(left / scale),
+        held=held,
+        fitted=fitted.T,
+        stokes=fitted[:3].T if data.observable.columns[:3] == ("s0", "s1", "s2") else problem.stokes(x),
+        surface=family.seen(values),
+        columns=data.observable.columns,
+    )
+
+
+def _is_held(x: FloatArray, gradient: FloatArray, problem: Problem, jacobian: FloatArray) -> NDArray[np.bool_]:
+    """Which parameters are at a bound, or so close that the search has but not quite got there.
+
+    At k = 0 reflectance has no slope by k, so that the last of the way is never gone.
+    """
+    unseen = problem.unseen(np.einsum("bpr,bpr->bp", jacobian, jacobian))[0] & problem.is_weight
+    width = problem.high - problem.low
+    close = np.where(np.isfinite(width), _AT_BOUND * width, 0.0)
+    at_low = (x <= problem.low + close) & ((gradient >= 0.0) | unseen | (x > problem.low))
+    held: NDArray[np.bool_] = at_low | ((x >= problem.high - close) & ((gradient <= 0.0) | (x < problem.high)))
+    return held
+
+
+def _is_vague(x: FloatArray, stderr: FloatArray, low: FloatArray, high: FloatArray) -> NDArray[np.bool_]:
+    """Which parameters are beside a bound, with an error beyond all bounds: one that says nothing.
+
+    So it is with k beside 0, where reflectance goes with k².
+    """
+    width = high - low
+    vague: NDArray[np.bool_] = (stderr > width) & (np.minimum(x - low, high - x) < _BESIDE * width)
+    return vague & np.isfinite(width)
+
+
+def _chosen(names: tuple[str, ...], inside: NDArray[np.bool_]) -> tuple[str, ...]:
+    return tuple(name for name, is_inside in zip(names, inside, strict=True) if is_inside)
+
+
+def _from_priors(family: SurfaceFamily, x: FloatArray) -> float:
+    return sum(
+        ((float(x[family.names.index(name)]) - mean) / stddev) ** 2 for name, (mean, stddev) in family.prior.items()
+    )
+
+
+def _alternatives(
+    family: SurfaceFamily, ends: Optimum, best: int, scale: float, known: Uncertainty, inside: NDArray[np.bool_]
+) -> tuple[Alternative, ...]:
+    found: list[Alternative] = []
+    taken = [ends.x[best]]
+    for place in np.argsort(ends.cost):
+        excess = float(ends.cost[place] - ends.cost[best]) / scale**2
+        if not (ends.settled[place] and excess < _EXCESS):
+            continue
+        if all(_differ(ends.x[place], other, known.stderr, inside) for other in taken):
+            taken.append(ends.x[place])
+            found.append(Alternative(dict(zip(family.names, ends.x[place].tolist(), strict=True)), excess))
+    return tuple(found)
+
+
+def _differ(one: FloatArray, other: FloatArray, stderr: FloatArray, inside: NDArray[np.bool_]) -> bool:
+    apart = np.abs(one - other)
+    return bool((apart[inside] > _SAME * stderr).any() or (apart[~inside] > 1e-3 * np.abs(one[~inside])).any())
+
+
+def _outliers(left: FloatArray) -> tuple[Outlier, ...]:
+    width, count = left.shape
+    length2 = (left * left).sum(axis=0)
+    strange = np.flatnonzero(length2 > chdtri(width, _UNLIKELY / count))
+    worst_first = strange[np.argsort(-length2[strange])]
+    return tuple(Outlier(int(row), float(np.sqrt(length2[row]))) for row in worst_first)
