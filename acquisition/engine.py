@@ -83,7 +83,7 @@ def stopped_afterwards(bench: Bench, clock: Clock) -> Iterator[None]:
 
 
 class Engine:
-    """Takes the readings of a scan, one step after another, in one thread.
+    """Takes the readings of a scan, one direction after another, in one thread.
 
     Parameters
     ----------
@@ -97,6 +97,8 @@ class Engine:
         Called with each event.
     check : callable
         Called between any two waits; raises to end the scan.
+    duration_s : float
+        How long the whole scan may take, from which the time left is counted down.
     """
 
     def __init__(
@@ -106,13 +108,14 @@ class Engine:
         journal: Journal,
         publish: Callable[[Event], None],
         check: Callable[[], None],
+        duration_s: float,
     ) -> None:
         self._bench, self._clock, self._journal = bench, clock, journal
-        self._publish, self._check = publish, check
+        self._publish, self._check, self._time_left_s = publish, check, duration_s
         self.readings_taken = 0
 
     def run(self, steps: Sequence[Step]) -> None:
-        """Run all steps; the caller stops the bench afterwards (`stopped_afterwards`).
+        """Run steps; the caller stops the bench after the last ones (`stopped_afterwards`).
 
         Raises
         ------
@@ -121,7 +124,6 @@ class Engine:
         ScanInterrupted
             When `check` says so.
         """
-        time_left_s = sum(step.duration_s for step in steps)
         for step in steps:
             target = step.target
             self._publish(
@@ -132,7 +134,7 @@ class Engine:
                     target.azimuth_deg,
                     target.slot,
                     self.readings_taken,
-                    time_left_s,
+                    self._time_left_s,
                 )
             )
             self._move(step)
@@ -140,7 +142,7 @@ class Engine:
             for repeat in range(step.readings):
                 self._check_slot(step)
                 self._take_reading(step, repeat, positions_deg)
-            time_left_s -= step.duration_s
+            self._time_left_s -= step.duration_s
 
     def _axes(self, step: Step) -> tuple[tuple[RotaryAxis, float], ...]:
         bench, target = self._bench, step.target

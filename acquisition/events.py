@@ -17,20 +17,23 @@ class ScanStarted:
     """The bench is ready and the first step is about to begin.
 
     `notes` are what devices said on connecting that a person should know, `truth` the parameters of a simulated sample.
+    A scan that decides as it goes has an `aim`; then nobody knows the numbers of points and readings, and
+    `expected_duration_s` is the longest that it may take.
     """
 
     run: str
     recipe: str
-    points: int
-    readings: int
+    points: int | None
+    readings: int | None
     expected_duration_s: float
     truth: dict[str, float]
     notes: tuple[str, ...] = ()
+    aim: str = ""
 
 
 @dataclass(frozen=True)
 class StepStarted:
-    """The bench is about to move; angles in degrees."""
+    """The bench is about to move; angles in degrees. Of `expected_duration_s`, `time_left_s` is left."""
 
     point: int
     incidence_deg: float
@@ -72,13 +75,31 @@ class FitRefused:
 
 
 @dataclass(frozen=True)
+class DirectionChosen:
+    """A scan that decides as it goes has decided where to measure next, with so many readings in every slot.
+
+    `why` says what speaks for it, `standing` how each standard error compares with the wanted one; empty if none is.
+    """
+
+    point: int
+    exit_deg: float
+    readings: int
+    why: str
+    standing: str
+
+
+@dataclass(frozen=True)
 class ScanEnded:
-    """The bench is safe. `reason` is ``"finished"``, or what ended the scan early."""
+    """The bench is safe. `reason` is ``"finished"``, or what ended the scan.
+
+    `as_asked` says whether that is an end that the recipe asks for; otherwise it was an error, or a person.
+    """
 
     reason: str
     readings: int
     bench_duration_s: float
+    as_asked: bool
 
 
-Event = ScanStarted | StepStarted | ReadingStored | PointReduced | FitUpdated | FitRefused | ScanEnded
+Event = ScanStarted | StepStarted | ReadingStored | PointReduced | FitUpdated | FitRefused | DirectionChosen | ScanEnded
 Subscriber = Callable[[Event], None]

@@ -48,10 +48,7 @@ class Step:
 
 
 def expand(recipe: Recipe, slots: Slots, timing: BenchTiming) -> tuple[Step, ...]:
-    """Turn a recipe into its steps, in the order that moves least.
-
-    The arms take the directions in the recipe's order; at each direction the analyzer runs through its slots from
-    whichever end is nearer to where it stands (the wheel snakes).
+    """Turn a recipe into its steps, with the arms taking the directions in the recipe's order.
 
     Parameters
     ----------
@@ -67,31 +64,54 @@ def expand(recipe: Recipe, slots: Slots, timing: BenchTiming) -> tuple[Step, ...
     tuple of Step
         `duration_s` of a step counts its moves, settling, position checks and readings.
     """
+    visits = Visits(recipe, slots, timing)
     steps: list[Step] = []
-    here = HOME
-    for point, kind, target, analyzer_deg in _places(recipe, slots, timing):
-        duration_s = _moving_s(here, target, timing) + recipe.readings * (recipe.exposure_s + READING_POLL_S)
-        steps.append(Step(point, kind, target, analyzer_deg, recipe.readings, recipe.exposure_s, duration_s))
-        here = target
+    directions = zip(recipe.exit_angles_deg(), recipe.readings_of_angles(), strict=True)
+    for point, (exit_deg, readings) in enumerate(directions):
+        here = steps[-1].target if steps else HOME
+        steps += visits.steps(point, exit_deg, readings, here)
     return tuple(steps)
 
 
-def _places(
-    recipe: Recipe, slots: Slots, timing: BenchTiming
-) -> Iterator[tuple[int, ReadingKind, Target, float | None]]:
-    tour = _wheel_tour(recipe, slots, timing.analyzer.slots)
-    slot = HOME.slot
-    for point, exit_deg in enumerate(recipe.exit_angles_deg()):
+class Visits:
+    """Steps of one direction at a time, from wherever the bench stands.
+
+    At each direction the analyzer runs through its slots from whichever end is nearer to where it stands (the wheel
+    snakes).
+
+    Parameters
+    ----------
+    recipe, slots, timing
+        As for `expand`.
+    """
+
+    def __init__(self, recipe: Recipe, slots: Slots, timing: BenchTiming) -> None:
+        self._recipe, self._slots, self._timing = recipe, slots, timing
+        self._tour = _wheel_tour(recipe, slots, timing.analyzer.slots)
+
+    def steps(self, point: int, exit_deg: float, readings: int, here: Target) -> tuple[Step, ...]:
+        """The steps that measure an exit angle with so many readings in every slot, as the point of this number."""
+        recipe, steps = self._recipe, []
+        for kind, there, analyzer_deg, taken in self._places(point, exit_deg, readings, here):
+            duration_s = _moving_s(here, there, self._timing) + taken * (recipe.exposure_s + READING_POLL_S)
+            steps.append(Step(point, kind, there, analyzer_deg, taken, recipe.exposure_s, duration_s))
+            here = there
+        return tuple(steps)
+
+    def _places(
+        self, point: int, exit_deg: float, readings: int, here: Target
+    ) -> Iterator[tuple[ReadingKind, Target, float | None, int]]:
+        recipe, analyzer, slot = self._recipe, self._timing.analyzer, here.slot
         if recipe.reference is not None and point % recipe.reference.every_points == 0:
-            assert slots.open is not None, "a recipe with a reference is only accepted with an open slot"
-            slot = slots.open
+            assert self._slots.open is not None, "a recipe with a reference is only accepted with an open slot"
+            slot = self._slots.open
             place = Target(recipe.incidence_deg, recipe.reference.exit_deg, recipe.azimuth_deg, slot)
-            yield point, "reference", place, None
-        if timing.analyzer.distance(slot, tour[-1][0]) < timing.analyzer.distance(slot, tour[0][0]):
+            yield "reference", place, None, readings
+        tour = self._tour
+        if analyzer.distance(slot, tour[-1][0]) < analyzer.distance(slot, tour[0][0]):
             tour = tour[::-1]
         for slot, kind, analyzer_deg in tour:
-            place = Target(recipe.incidence_deg, exit_deg, recipe.azimuth_deg, slot)
-            yield point, kind, place, analyzer_deg
+            yield kind, Target(recipe.incidence_deg, exit_deg, recipe.azimuth_deg, slot), analyzer_deg, readings
 
 
 def _wheel_tour(recipe: Recipe, slots: Slots, count: int) -> list[tuple[int, ReadingKind, float | None]]:

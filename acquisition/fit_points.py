@@ -1,45 +1,135 @@
-"""From the Stokes points of a scan to the fit's arrays: the one place where degrees become radians."""
+"""From measured directions and a recipe's fit section to a fit, and back: the one place where degrees become radians.
+
+What a person writes and reads in degrees has a name that ends in ``_deg``; in the model the same ends in ``_rad``.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import TypedDict
 
 import numpy as np
+from numpy.typing import ArrayLike
 
+from acquisition.fit_choice import FitChoice
 from acquisition.readings import StokesPoint
-from acquisition.recipe import FitChoice
+from goniometer.errors import FitError
 from model.acceptance import half_angle_rad
-from model.fit import Dataset, SurfaceFamily, lobe_family
-from model.geometry import in_plane
+from model.fit import Dataset, FitResult, SurfaceFamily, lobe_family
+from model.fit.dataset import Objective
+from model.fit.start import Search
+from model.geometry import FloatArray, in_plane
+
+_DEG, _RAD = "_deg", "_rad"
 
 
-def dataset(points: Sequence[StokesPoint]) -> Dataset:
-    """Stack points into arrays; a signed exit angle becomes an exit angle and an azimuth.
+class FitArguments(TypedDict):
+    """How `model.fit.fit` is called: what of a recipe's fit section is not about surfaces."""
+
+    objective: Objective
+    search: Search
+    robust: bool
+
+
+def dataset(points: Sequence[StokesPoint], name: str = "the data") -> Dataset:
+    """Stack the points of a scan into arrays, which messages call by a name."""
+    return Dataset(
+        *directions([point.incidence_deg for point in points], [point.exit_deg for point in points]),
+        values=np.array([point.stokes for point in points]),
+        covariance=np.array([point.covariance for point in points]),
+        name=name,
+    )
+
+
+def directions(
+    incidence_deg: ArrayLike, exit_deg: ArrayLike, phi_deg: ArrayLike | None = None
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Incidence, exit and azimuth in rad; without an azimuth, a signed exit angle becomes an exit angle and an azimuth.
 
     An incidence that was read back a little below zero is one from the other side, seen mirrored.
     """
-    incidence_rad = np.radians([point.incidence_deg for point in points])
-    exit_rad = np.radians([point.exit_deg for point in points])
-    exit_rad, azimuth_rad = in_plane(np.where(incidence_rad < 0.0, -exit_rad, exit_rad))
-    return Dataset(
-        incidence_rad=np.abs(incidence_rad),
-        exit_rad=exit_rad,
-        azimuth_rad=azimuth_rad,
-        values=np.array([point.stokes for point in points]),
-        covariance=np.array([point.covariance for point in points]),
-    )
+    incidence_rad, exit_rad = np.radians(np.asarray(incidence_deg)), np.radians(np.asarray(exit_deg))
+    if phi_deg is not None:
+        return incidence_rad, exit_rad, np.radians(np.asarray(phi_deg))
+    return np.abs(incidence_rad), *in_plane(np.where(incidence_rad < 0.0, -exit_rad, exit_rad))
 
 
-def surface_family(choice: FitChoice, acceptance_sr: float) -> SurfaceFamily:
-    """The surfaces that a recipe's fit section allows, seen with a detector of this acceptance where that matters.
+def in_radians(name: str, values: ArrayLike) -> FloatArray:
+    """Values as the model counts them: in rad if their name says that they are in degrees."""
+    return np.radians(np.asarray(values)) if name.endswith(_DEG) else np.asarray(values)
+
+
+def surface_family(choice: FitChoice, acceptance_sr: float | None) -> SurfaceFamily:
+    """The surfaces that a fit section allows, seen with a detector of this acceptance where that matters.
 
     After one bounce reflectance hardly changes within a detector's cone. After two it has a pole in the mirror
     direction, and only its average over the cone means anything.
+
+    Raises
+    ------
+    FitError
+        If the acceptance matters and is not known.
     """
+    half_angle = 0.0
+    if choice.bounces > 1:
+        if acceptance_sr is None:
+            raise FitError(
+                f"The fit follows {choice.bounces} bounces, whose light depends on the detector's acceptance, which is "
+                "not known here. Nothing was fitted. Give a whole recipe, whose rig states acceptance_sr, or fit one "
+                "bounce."
+            )
+        half_angle = half_angle_rad(acceptance_sr)
     return lobe_family(
         choice.lobes,
-        free={name: (low, high) for name, (low, high) in choice.free.items()},
-        fixed={name: value for name, value in choice.fixed.items()},  # noqa: C416 (widens the keys to str)
+        free={_model_name(name): _pair_in_radians(name, bounds) for name, bounds in choice.free.items()},
+        fixed={_model_name(name): float(in_radians(name, value)) for name, value in choice.fixed.items()},
+        tied={name: (other, factor) for name, (other, factor) in choice.tied.items()},
+        prior={_model_name(name): _pair_in_radians(name, known) for name, known in choice.prior.items()},
         bounces=choice.bounces,
-        detector_half_angle_rad=half_angle_rad(acceptance_sr) if choice.bounces > 1 else 0.0,
+        detector_half_angle_rad=half_angle,
     )
+
+
+def fit_arguments(choice: FitChoice) -> FitArguments:
+    """How a fit section wants `model.fit.fit` to be called."""
+    return FitArguments(objective=choice.objective, search=choice.search, robust=choice.robust)
+
+
+def in_degrees(result: FitResult) -> FitResult:
+    """A fit as people read it: parameters that are angles in degrees, and under a name that says so."""
+
+    def shown(name: str) -> str:
+        return name.removesuffix(_RAD) + _DEG if name.endswith(_RAD) else name
+
+    def unit(name: str) -> float:
+        return math.radians(1.0) if name.endswith(_RAD) else 1.0
+
+    def converted(values: Mapping[str, float]) -> dict[str, float]:
+        return {shown(name): value / unit(name) for name, value in values.items()}
+
+    return replace(
+        result,
+        parameters={
+            shown(name): replace(
+                estimate,
+                value=estimate.value / unit(name),
+                stderr=None if estimate.stderr is None else estimate.stderr / unit(name),
+            )
+            for name, estimate in result.parameters.items()
+        },
+        names=tuple(map(shown, result.names)),
+        held=converted(result.held),
+        weakness=result.weakness and replace(result.weakness, changes=converted(result.weakness.changes)),
+        alternatives=tuple(replace(other, parameters=converted(other.parameters)) for other in result.alternatives),
+    )
+
+
+def _model_name(name: str) -> str:
+    return name.removesuffix(_DEG) + _RAD if name.endswith(_DEG) else name
+
+
+def _pair_in_radians(name: str, pair: tuple[float, float]) -> tuple[float, float]:
+    first, second = in_radians(name, pair).tolist()
+    return first, second

@@ -9,11 +9,10 @@ from types import TracebackType
 from typing import Self
 
 from acquisition.events import FitRefused, FitUpdated
-from acquisition.fit_points import dataset
+from acquisition.fit_points import FitArguments, dataset
 from acquisition.readings import StokesPoint
 from goniometer.errors import FitError
 from model.fit import Dataset, FitResult, SurfaceFamily, fit
-from model.fit.start import Search
 
 _POOR_FIT = 3.0
 """Chi-square per degree of freedom above which a warm start is not trusted and the search begins anew."""
@@ -26,12 +25,12 @@ class LiveFit:
     ----------
     family : SurfaceFamily
         What is fitted.
-    search : str
-        The search used when there is no last optimum, or it fits poorly.
+    how : FitArguments
+        How it is fitted; a search is made when there is no last optimum, or it fits poorly.
     """
 
-    def __init__(self, family: SurfaceFamily, search: Search) -> None:
-        self._family, self._search = family, search
+    def __init__(self, family: SurfaceFamily, how: FitArguments) -> None:
+        self._family, self._how = family, how
         self._condition = threading.Condition()
         self._submitted: Sequence[StokesPoint] | None = None
         self._news: FitUpdated | FitRefused | None = None
@@ -84,10 +83,10 @@ class LiveFit:
 
     def _fit(self, data: Dataset, last: FitResult | None) -> FitResult:
         if last is not None:
-            result = fit(data, self._family, start=last.values)
+            result = fit(data, self._family, start=last.values, **self._how)
             if result.chi_square <= _POOR_FIT * max(result.degrees_of_freedom, 1):
                 return result
-        return fit(data, self._family, search=self._search)
+        return fit(data, self._family, **self._how)
 
 
 class _Collected:

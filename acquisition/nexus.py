@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
+from acquisition.fit_points import in_degrees
 from acquisition.readings import Reading, StokesPoint
 from acquisition.whole_file import written_whole
 
@@ -171,12 +172,14 @@ def _write_fit(entry: h5py.Group, fit: FitResult) -> None:
     _write_note(process, "model", "what the fitted surface consists of", fit.description)
     _field(process, "chi_square", fit.chi_square, _DIMENSIONLESS)
     _field(process, "degrees_of_freedom", fit.degrees_of_freedom, _DIMENSIONLESS)
+    shown = in_degrees(fit)
     parameters = _group(process, "parameters", "NXparameters")
-    for name, estimate in fit.parameters.items():
-        _field(parameters, name, estimate.value, _DIMENSIONLESS).attrs["at_bound"] = estimate.at_bound
+    for name, estimate in shown.parameters.items():
+        units = "deg" if name.endswith("_deg") else "1/sr" if name.endswith("_per_sr") else _DIMENSIONLESS
+        _field(parameters, name, estimate.value, units).attrs["at_bound"] = estimate.at_bound
         stderr = np.nan if estimate.stderr is None else estimate.stderr
-        _field(parameters, f"{name}_errors", stderr, _DIMENSIONLESS)
-    process["correlation_names"] = list(fit.names)
+        _field(parameters, f"{name}_errors", stderr, units)
+    process["correlation_names"] = list(shown.names)
     _field(process, "correlation", fit.correlation, _DIMENSIONLESS)
 
     stokes = entry["stokes"]

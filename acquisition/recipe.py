@@ -4,62 +4,34 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
-from typing import Annotated, Any, Literal, Self
+from typing import Annotated, Any, Self, get_args
 
 from pydantic import AfterValidator, Field, field_validator, model_validator
 
 from acquisition.analyzer_matrix import check_analyzer_set
+from acquisition.fit_choice import FitChoice as FitChoice
+from acquisition.fit_choice import ParameterName
 from acquisition.section import Section, SectionFault, refuse_all
 
-Lobe = Literal["specular", "diffuse", "directional"]
-ParameterName = Literal["sigma", "n", "k", "asymmetry"]
-ExitAngle = Annotated[float, Field(ge=-85, le=85)]
+WIDEST_EXIT_DEG = 85
+MAX_READINGS = 10_000
+ExitAngle = Annotated[float, Field(ge=-WIDEST_EXIT_DEG, le=WIDEST_EXIT_DEG)]
 AnalyzerAngle = Annotated[float, Field(ge=-360, le=360)]
-Bounds = Annotated[tuple[float, float], Field(strict=False)]
+Readings = Annotated[int, Field(ge=1, le=MAX_READINGS)]
+
+StandardError = Annotated[float, Field(gt=0)]
 
 MAX_DIRECTIONS = 1_000_000
 """More exit angles than any scan has: a step that was mistyped is found before memory is full."""
 
+FEWEST_CHOICES, MOST_CHOICES = 4, 1000
+"""Exit angles among which an adaptive scan chooses: fewer are no choice, more take longer to weigh than to measure."""
+
 _GRID_TOLERANCE_DEG = 1e-9
-
-
-@dataclass(frozen=True)
-class _Domain:
-    """The values of a parameter that make sense: from `low` to `high`."""
-
-    meaning: str
-    low: float
-    high: float
-
-    def holds(self, value: float) -> bool:
-        return self.low <= value <= self.high
-
-    def __str__(self) -> str:
-        return f"from {self.low:g} to {self.high:g}"
-
-
-_DOMAIN = {
-    "sigma": _Domain("rms slope of the surface", 1e-5, 10.0),
-    "n": _Domain("real part of the refractive index", 0.05, 20.0),
-    "k": _Domain("imaginary part of the refractive index", 0.0, 100.0),
-    "asymmetry": _Domain("asymmetry of the grooves", 0.0, 0.99),
+_BY_PARAMETER: dict[str, Any] = {
+    "properties": {name: {"type": "number", "exclusiveMinimum": 0} for name in get_args(ParameterName)},
+    "additionalProperties": False,
 }
-
-
-def _parameters_schema(what: str, value: dict[str, Any]) -> dict[str, Any]:
-    """JSON Schema of a mapping by parameter, so that editors complete the parameters' names."""
-    return {
-        "properties": {
-            name: {"description": f"{what} of the {domain.meaning}: {domain}", **value}
-            for name, domain in _DOMAIN.items()
-        },
-        "additionalProperties": False,
-    }
-
-
-_NUMBER = {"type": "number"}
-_PAIR = {"type": "array", "prefixItems": [_NUMBER, _NUMBER], "minItems": 2, "maxItems": 2}
 
 
 class ExitRange(Section):
@@ -100,87 +72,6 @@ class Reference(Section):
     every_points: int = Field(ge=1, le=MAX_DIRECTIONS, description="number of directions between two references")
 
 
-class FitChoice(Section):
-    """What to fit: the lobes, and which parameters are searched or held.
-
-    The lobes' weights are always free. Roughness sigma, and n and k when a lobe reflects off facets, each stand once in
-    `free` (with lowest and highest value) or in `fixed`; so may the asymmetry of the specular lobe's grooves.
-    """
-
-    lobes: Annotated[tuple[Lobe, ...], Field(strict=False, min_length=1)] = Field(
-        description="lobes of the reflectance: specular, diffuse, directional"
-    )
-    free: dict[ParameterName, Bounds] = Field(
-        description="parameters to search, each with lowest and highest value",
-        json_schema_extra=_parameters_schema("lowest and highest value", _PAIR),
-    )
-    fixed: dict[ParameterName, float] = Field(
-        default={},
-        description="parameters that are known and held",
-        json_schema_extra=_parameters_schema("value", _NUMBER),
-    )
-    bounces: int = Field(
-        default=1,
-        ge=1,
-        le=12,
-        description="reflections inside the grooves that the specular lobe follows; above 1 it is averaged over the "
-        "detector's acceptance",
-    )
-    search: Literal["sobol", "genetic"] = Field(
-        default="sobol", description="how starting values are found: a Sobol sequence, or a genetic search"
-    )
-
-    @model_validator(mode="after")
-    def _check(self) -> Self:
-        refuse_all([*self._lobe_faults(), *self._presence_faults(), *self._value_faults()])
-        return self
-
-    def _lobe_faults(self) -> Iterator[SectionFault]:
-        for lobe in dict.fromkeys(self.lobes):
-            if self.lobes.count(lobe) > 1:
-                yield ("lobes",), f"names '{lobe}' {self.lobes.count(lobe)} times; allowed: each lobe once"
-
-    def _presence_faults(self) -> Iterator[SectionFault]:
-        has_facets = "specular" in self.lobes or "directional" in self.lobes
-        for name, domain in _DOMAIN.items():
-            if name == "asymmetry":
-                yield from self._asymmetry_faults()
-                continue
-            needed = name == "sigma" or has_facets
-            if name in self.free and name in self.fixed:
-                yield ("fixed", name), f"{name} stands in free as well; write it in one of the two"
-            elif needed and name not in self.free and name not in self.fixed:
-                yield (
-                    (),
-                    f"{name}, the {domain.meaning}, stands neither in free nor in fixed; give its lowest and highest "
-                    "value in free, or its value in fixed",
-                )
-            elif not needed and (name in self.free or name in self.fixed):
-                section = "free" if name in self.free else "fixed"
-                yield (section, name), f"the diffuse lobe alone does not depend on {name}; leave it out"
-
-    def _asymmetry_faults(self) -> Iterator[SectionFault]:
-        if "asymmetry" in self.free and "asymmetry" in self.fixed:
-            yield ("fixed", "asymmetry"), "asymmetry stands in free as well; write it in one of the two"
-        elif "specular" not in self.lobes:
-            for section in ("free", "fixed"):
-                if "asymmetry" in getattr(self, section):
-                    yield (section, "asymmetry"), "only the specular lobe depends on asymmetry; leave it out"
-            if self.bounces > 1:
-                yield ("bounces",), "only the specular lobe follows more than one reflection; leave bounces out"
-
-    def _value_faults(self) -> Iterator[SectionFault]:
-        for name, bounds in self.free.items():
-            low, high = bounds
-            if not low < high:
-                yield ("free", name), f"got [{low:g}, {high:g}]; allowed: the lowest value, then a higher one"
-            elif not all(map(_DOMAIN[name].holds, bounds)):
-                yield ("free", name), f"got [{low:g}, {high:g}]; allowed: both {_DOMAIN[name]}"
-        for name, value in self.fixed.items():
-            if not _DOMAIN[name].holds(value):
-                yield ("fixed", name), f"got {value:g}; allowed: {_DOMAIN[name]}"
-
-
 def _check_printable(name: str) -> str:
     if not name.isprintable():
         raise ValueError("holds a character that cannot be printed; write the name without control characters")
@@ -217,9 +108,27 @@ class Recipe(Section):
     )
     dark: bool = Field(default=True, description="whether to read the blocked slot in every direction")
     reference: Reference | None = Field(default=None, description="readings that follow the lamp; leave out for none")
-    readings: int = Field(ge=1, le=1000, description="number of readings in every slot")
+    readings: Readings | Annotated[tuple[Readings, ...], Field(strict=False)] = Field(
+        description="number of readings in every slot, 1 to 10000; or a list with one number for each exit angle"
+    )
     exposure_s: float = Field(gt=0, le=3600, description="duration of one reading, in s")
     fit: FitChoice = Field(description="what to fit to the Stokes parameters")
+    until: Annotated[dict[ParameterName, StandardError], Field(min_length=1)] | None = Field(
+        default=None,
+        description="standard errors wanted of free parameters: the scan ends once they are reached, and is repeated "
+        "until then",
+        json_schema_extra=_BY_PARAMETER,
+    )
+    adaptive: bool = Field(
+        default=False,
+        description="whether the scan itself chooses, among the exit angles, where to measure next and for how long",
+    )
+    time_limit_s: float | None = Field(
+        default=None,
+        gt=0,
+        le=1_000_000,
+        description="time after which a scan with until or adaptive begins no further direction, in s",
+    )
 
     @field_validator("analyzer_deg")
     @classmethod
@@ -241,10 +150,83 @@ class Recipe(Section):
                 f"found {found} of the keys exit and exit_deg; write one of them, for example "
                 "'exit: {start_deg: 0, stop_deg: 60, step_deg: 1}' or 'exit_deg: [0, 30, 60]'"
             )
+        angles = len(self.exit_angles_deg())
+        if isinstance(self.readings, tuple) and len(self.readings) != angles:
+            what = (
+                f"got a list of {len(self.readings)}; allowed: one number for each of the {angles} exit angles, or one "
+                "for all"
+            )
+            refuse_all([(("readings",), what)])
         return self
+
+    @model_validator(mode="after")
+    def _check_steering(self) -> Self:
+        refuse_all([*self._limit_faults(), *self._until_faults(), *self._adaptive_faults()])
+        return self
+
+    @property
+    def is_steered(self) -> bool:
+        """Whether the scan decides as it goes where it measures, or when it ends."""
+        return self.adaptive or self.until is not None
+
+    @property
+    def wanted(self) -> dict[str, float]:
+        """The standard errors that end the scan; none if nothing is wanted."""
+        return {str(name): error for name, error in (self.until or {}).items()}
+
+    def _limit_faults(self) -> Iterator[SectionFault]:
+        if self.is_steered and self.time_limit_s is None:
+            key = "adaptive" if self.until is None else "until"
+            yield (
+                (key,),
+                "needs a time limit, at which the scan ends whatever it has found; add for example 'time_limit_s: 600'",
+            )
+        if self.time_limit_s is not None and not self.is_steered:
+            yield (
+                ("time_limit_s",),
+                "is for a scan that decides by itself when to end; add until or adaptive, or leave it out",
+            )
+
+    def _until_faults(self) -> Iterator[SectionFault]:
+        free = self.fit.free_names
+        for name in self.wanted:
+            if name not in free:
+                yield ("until", name), f"{name} is not free in fit; allowed: {', '.join(free)}"
+            elif name.startswith("rho_") and self.fit.objective != "stokes":
+                yield (
+                    ("until", name),
+                    f"the objective {self.fit.objective} knows weights only by their ratios; leave {name} out",
+                )
+        if self.until is not None and self.fit.objective == "rms":
+            yield ("until",), "the objective rms has no chi-square by which a fit could be doubted; choose another one"
+
+    def _adaptive_faults(self) -> Iterator[SectionFault]:
+        if not self.adaptive:
+            return
+        choices = len(set(self.exit_angles_deg()))
+        if not FEWEST_CHOICES <= choices <= MOST_CHOICES:
+            yield (
+                ("adaptive",),
+                f"the scan would choose among {choices} exit angles; allowed: {FEWEST_CHOICES} to {MOST_CHOICES}",
+            )
+        if isinstance(self.readings, tuple):
+            yield ("readings",), "got a list; an adaptive scan stays as long as it pays: write the least number instead"
+        if not self.fit.free_names:
+            yield ("adaptive",), "nothing is free in fit, so there is nothing to find out; free a parameter"
+        if self.fit.objective != "stokes":
+            yield (
+                ("adaptive",),
+                f"plans by what Stokes parameters tell, but the objective is {self.fit.objective}; allowed: stokes",
+            )
 
     def exit_angles_deg(self) -> tuple[float, ...]:
         """Return all exit angles in degrees, in the order in which they are measured."""
         if self.exit is not None:
             return self.exit.angles_deg()
         return self.exit_deg or ()
+
+    def readings_of_angles(self) -> tuple[int, ...]:
+        """Return how many readings each exit angle gets in every slot, in the order of `exit_angles_deg`."""
+        if isinstance(self.readings, tuple):
+            return self.readings
+        return (self.readings,) * len(self.exit_angles_deg())

@@ -131,7 +131,7 @@ def engine_alone():
     steps = plan(setup.recipe, setup.rig)
     bench = Bench(InMemory(), InMemory(), InMemory(), InMemory(), InMemory())
     with tempfile.TemporaryDirectory() as folder, Journal.create(Path(folder) / "journal.sqlite", {}) as journal:
-        engine = Engine(bench, FreeClock(), journal, lambda event: None, lambda: None)
+        engine = Engine(bench, FreeClock(), journal, lambda event: None, lambda: None, 0.0)
         cpu_s, wall_s = time.process_time(), time.perf_counter()
         engine.run(steps)
         cpu_s, wall_s = time.process_time() - cpu_s, time.perf_counter() - wall_s

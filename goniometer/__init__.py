@@ -2,11 +2,14 @@
 
 The public face re-exports lazily, so that ``import goniometer`` stays cheap::
 
-    Surface   a surface composed of reflection lobes   (model)
-    fit       fit a surface model to Stokes data        (model)
-    run       run a recipe                              (goniometer)
-    simulate  serve a scene as a simulated bench        (goniometer)
-    load      the readings and Stokes points of a run   (goniometer)
+    Surface        a surface composed of reflection lobes               (model)
+    SurfaceFamily  surfaces that differ in the values of parameters     (model)
+    Dataset        measured values with their errors                    (model)
+    fit            fit a surface model to measured values               (model)
+    read           measured values out of a run, NeXus file or table    (goniometer)
+    load           the readings, Stokes points and fit of a run         (goniometer)
+    run            run a recipe                                         (goniometer)
+    simulate       serve a scene as a simulated bench                   (goniometer)
 """
 
 from __future__ import annotations
@@ -21,12 +24,15 @@ __version__ = "0.1.0"
 _PARTS = ("model", "drivers", "acquisition", "sim_devices")
 _PUBLIC = {
     "Surface": ("model.surface", "Surface"),
+    "SurfaceFamily": ("model.fit", "SurfaceFamily"),
+    "Dataset": ("model.fit", "Dataset"),
     "fit": ("model.fit", "fit"),
+    "read": ("goniometer.fit_input", "read"),
     "run": ("goniometer.run_recipe", "run"),
     "simulate": ("goniometer.bench", "simulate"),
     "load": ("goniometer.run_folder", "load"),
 }
-__all__ = ["Surface", "__version__", "fit", "load", "run", "simulate"]
+__all__ = ["Dataset", "Surface", "SurfaceFamily", "__version__", "fit", "load", "read", "run", "simulate"]
 
 
 def _refuse_hidden_parts() -> None:

@@ -8,26 +8,24 @@ import os
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import fields, is_dataclass
 from types import TracebackType
-from typing import Any, Literal, Self, TextIO
+from typing import Literal, Self, TextIO
 
-import numpy as np
-
-from acquisition.events import Event, FitRefused, FitUpdated, PointReduced, ScanStarted, Subscriber
+from acquisition.events import DirectionChosen, Event, FitRefused, FitUpdated, PointReduced, ScanStarted, Subscriber
 from acquisition.readings import StokesPoint
 from goniometer.durations import clock_text
 from goniometer.fit_summary import fit_summary, parameter_rows
 from goniometer.lasting_stream import LastingStream
 from goniometer.live_console import LiveConsole
+from goniometer.plain_json import plain
 from goniometer.plus_minus import plus_minus
 from goniometer.scan_so_far import ScanSoFar
-from model.fit import FitResult
 
 Mode = Literal["auto", "plain", "quiet", "json"]
 
-_FIT_LINES = 10
-"""About how many lines a whole scan's live fit gets among the lines of its points."""
+_FIT_LINES, _USUAL_POINTS = 10, 50
+"""About how many lines a whole scan's live fit gets among the lines of its points, of which there may be about so many.
+"""
 
 
 @contextmanager
@@ -85,10 +83,10 @@ class PlainConsole:
         self._scan(event)
         match event:
             case ScanStarted():
-                self._say(
-                    f"{event.recipe}: {event.points} points, {event.readings} readings, "
-                    f"about {clock_text(event.expected_duration_s)} on the bench's clock, into {event.run}"
+                about = (
+                    f"{event.points} points, {event.readings} readings, about {clock_text(event.expected_duration_s)}"
                 )
+                self._say(f"{event.recipe}: {event.aim or about} on the bench's clock, into {event.run}")
                 for note in event.notes:
                     self._say(f"  note: {note}")
             case PointReduced():
@@ -101,6 +99,11 @@ class PlainConsole:
             case FitRefused() if self._is_fit_line_due(event.points):
                 self._points_at_fit_line = event.points
                 self._say(f"  no fit to {event.points} points: {event.reason}")
+            case DirectionChosen() if event.why:
+                standing = f" ({event.standing})" if event.standing else ""
+                self._say(
+                    f"  next exit {event.exit_deg:z.2f}°, {event.readings} readings a slot: {event.why}{standing}"
+                )
 
     def __enter__(self) -> Self:
         return self
@@ -116,13 +119,14 @@ class PlainConsole:
             self._say(f"\n{fit_summary(fit.result, started.truth)}\n")
 
     def _is_fit_line_due(self, points: int) -> bool:
-        total = self._scan.started.points if self._scan.started else 0
+        total = (self._scan.started and self._scan.started.points) or _USUAL_POINTS
         return points >= self._points_at_fit_line + max(total // _FIT_LINES, 1)
 
     def _point(self, point: StokesPoint) -> str:
-        total = str(self._scan.started.points) if self._scan.started else "?"
+        total = self._scan.started and self._scan.started.points
+        width, of_all = len(str(total or _USUAL_POINTS)), f" of {total}" if total else ""
         return (
-            f"{self._scan.points:>{len(total)}} of {total}  exit {point.exit_deg:z7.2f}°  "
+            f"{self._scan.points:>{width}}{of_all}  exit {point.exit_deg:z7.2f}°  "
             f"S0 {plus_minus(point.stokes[0], math.sqrt(point.covariance[0, 0])):<19} /sr  "
             f"DoLP {plus_minus(point.dolp, point.dolp_stderr):<17}  "
             f"AoLP {plus_minus(point.aolp_deg, point.aolp_stderr_deg)}°"
@@ -148,25 +152,5 @@ class JsonConsole:
 
     def __call__(self, event: Event) -> None:
         """Write an event's line."""
-        line = json.dumps({"event": type(event).__name__, **_as_json(event)}, ensure_ascii=False, allow_nan=False)
+        line = json.dumps({"event": type(event).__name__, **plain(event)}, ensure_ascii=False, allow_nan=False)
         self._stream.write(f"{line}\n")
-
-
-def _as_json(value: Any) -> Any:
-    """Turn a value of an event into what `json` writes."""
-    match value:
-        case None | bool() | str() | int():
-            return value
-        case float() | np.floating():
-            return float(value) if math.isfinite(value) else None
-        case np.generic() | np.ndarray():
-            return _as_json(value.tolist())
-        case dict():
-            return {str(key): _as_json(entry) for key, entry in value.items()}
-        case list() | tuple():
-            return [_as_json(entry) for entry in value]
-    if isinstance(value, FitResult):
-        return _as_json(value.to_dict())
-    if is_dataclass(value):
-        return {field.name: _as_json(getattr(value, field.name)) for field in fields(value)}
-    raise TypeError(f"an event holds a {type(value).__name__}, which has no form in JSON yet")

@@ -6,8 +6,11 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
+from acquisition.fit_points import in_degrees
+from goniometer.fit_remarks import remarks
 from goniometer.plus_minus import number_and_error
-from model.fit import Estimate, FitResult
+from model.fit import Dataset, Estimate, FitResult
+from model.fit.quantities import is_weight
 from model.lobes import Lobe, Specular
 
 _UNLIKELY = 3.0
@@ -43,30 +46,45 @@ def parameter_rows(fit: FitResult, truth: Mapping[str, float]) -> list[Parameter
     truth : mapping of str to float
         The simulated sample's own parameters; empty for a real sample.
     """
-    return [_row(name, estimate, truth.get(name)) for name, estimate in fit.parameters.items()]
+    comparable = comparable_truth(fit, truth)
+    return [_row(name, estimate, comparable.get(name)) for name, estimate in in_degrees(fit).parameters.items()]
+
+
+def comparable_truth(fit: FitResult, truth: Mapping[str, float]) -> dict[str, float]:
+    """The truth in the units of a fit: where ratios have no scale, weights count in the one that was held."""
+    units = [truth[name] / value for name, value in fit.held.items() if truth.get(name)]
+    return {name: value / units[0] if units and is_weight(name) else value for name, value in truth.items()}
 
 
 def quality(fit: FitResult) -> str:
-    """Chi-square, and what it says, as one sentence."""
+    """Chi-square, and what it says of the model and of the errors, in a few sentences."""
     if fit.degrees_of_freedom < 1:
-        return f"Chi-square {fit.chi_square:.3g} with no degrees of freedom: there are no more data than parameters."
+        return (
+            f"Chi-square {fit.chi_square:.3g} with no degrees of freedom: there are no more data than parameters, so "
+            f"that nothing shows whether the model is right.{_at_bounds(fit)}"
+        )
+    if fit.p_value is None:
+        return (
+            f"The data came without errors: the errors here are those that their scatter about the fit makes, rms "
+            f"{fit.rms:.3g}, and nothing shows whether the model is right.{_at_bounds(fit)}"
+        )
     per_degree = fit.chi_square / fit.degrees_of_freedom
     # chi-square has the mean dof and the variance 2 dof
     deviations = (fit.chi_square - fit.degrees_of_freedom) / math.sqrt(2.0 * fit.degrees_of_freedom)
     if deviations > _UNLIKELY:
-        verdict = "the model misses the data by more than their noise"
+        verdict = "this is a bad fit. The model misses the data by more than their noise, and the errors do not hold"
     elif deviations < -_UNLIKELY:
         verdict = "the data scatter less than their error bars say"
     else:
         verdict = "the model describes the data to within their noise"
     return (
         f"Chi-square {fit.chi_square:.5g} for {fit.degrees_of_freedom} degrees of freedom "
-        f"({per_degree:.3g} per degree): {verdict}.{_at_bounds(fit)}"
+        f"({per_degree:.3g} per degree, p-value {fit.p_value:.2g}): {verdict}.{_at_bounds(fit)}"
     )
 
 
 def _at_bounds(fit: FitResult) -> str:
-    held = [name for name, estimate in fit.parameters.items() if estimate.at_bound]
+    held = [name for name, estimate in in_degrees(fit).parameters.items() if estimate.at_bound]
     if not held:
         return ""
     verb = "is" if len(held) == 1 else "are"
@@ -85,8 +103,8 @@ def _lobe_name(lobe: Lobe) -> str:
     return name
 
 
-def fit_summary(fit: FitResult, truth: Mapping[str, float]) -> str:
-    """Write a fit for a person to read: parameters, truth where known, chi-square and the model.
+def fit_summary(fit: FitResult, truth: Mapping[str, float], data: Dataset | None = None) -> str:
+    """Write a fit for a person to read: parameters, truth where known, chi-square, remarks and the model.
 
     Parameters
     ----------
@@ -94,8 +112,11 @@ def fit_summary(fit: FitResult, truth: Mapping[str, float]) -> str:
         The fit.
     truth : mapping of str to float
         The simulated sample's own parameters; empty for a real sample.
+    data : Dataset, optional
+        What was fitted; then outliers are named by their directions.
     """
-    return "\n".join([*table_lines(parameter_rows(fit, truth)), "", quality(fit), model_name(fit)])
+    table = table_lines(parameter_rows(fit, truth))
+    return "\n".join([*table, "", quality(fit), *remarks(fit, data), model_name(fit)])
 
 
 def table_lines(rows: Sequence[ParameterRow]) -> list[str]:

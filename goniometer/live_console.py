@@ -16,6 +16,7 @@ from rich.text import Text
 
 from acquisition.events import Event, ScanStarted
 from goniometer.durations import clock_text
+from goniometer.fit_remarks import remarks
 from goniometer.fit_summary import model_name, parameter_rows, quality, table_lines
 from goniometer.lasting_stream import LastingStream
 from goniometer.plus_minus import plus_minus
@@ -69,8 +70,8 @@ class LiveConsole:
         self._console.print(Text(self._scan.ending(), style="bold"))
         if self._scan.fit is not None:
             fit = self._scan.fit.result
-            parts = (Text(), _parameters(fit, started), Text(), quality(fit), model_name(fit), Text())
-            self._console.print(Group(*parts))
+            said = "\n".join([quality(fit), *remarks(fit), model_name(fit)])
+            self._console.print(Group(Text(), _parameters(fit, started), Text(), said, Text()))
 
     def __rich__(self) -> RenderableType:
         """The view as things stand."""
@@ -94,10 +95,16 @@ class LiveConsole:
         line.add_column(ratio=1)
         line.add_column()
         line.add_column(justify="right", style="bold")
+        if started.readings is None:
+            total, done = started.expected_duration_s, scan.bench_elapsed_s()
+            readings, left = f"{scan.readings} readings", "left at most"
+        else:
+            total, done = float(started.readings), float(scan.readings)
+            readings, left = f"{scan.readings:>{len(str(started.readings))}} of {started.readings} readings", "left"
         line.add_row(
-            ProgressBar(total=started.readings, completed=scan.readings, complete_style="blue", finished_style="green"),
-            f"{scan.readings:>{len(str(started.readings))}} of {started.readings} readings",
-            f"{clock_text(left_s) if left_s is not None else '-:--':>7} left",
+            ProgressBar(total=total, completed=done, complete_style="blue", finished_style="green"),
+            readings,
+            f"{clock_text(left_s) if left_s is not None else '-:--':>7} {left}",
         )
         bench = f"planned time {clock_text(scan.bench_elapsed_s())} of {clock_text(started.expected_duration_s)}"
         speed = scan.bench_speed()
@@ -106,7 +113,7 @@ class LiveConsole:
         return [line, Text(bench, style=_LABEL)]
 
     def _bench(self) -> Text:
-        step, point = self._scan.step, self._scan.point
+        step, point, chosen = self._scan.step, self._scan.point, self._scan.chosen
         text = Text()
         if step is not None:
             text.append("now         ", _LABEL)
@@ -119,6 +126,10 @@ class LiveConsole:
             _say(text, "exit", f"{point.exit_deg:z.2f}°")
             _say(text, "DoLP", plus_minus(point.dolp, point.dolp_stderr))
             _say(text, "AoLP", f"{plus_minus(point.aolp_deg, point.aolp_stderr_deg)}°")
+        if chosen is not None and chosen.why:
+            text.append("\nwhy here    ", _LABEL).append(chosen.why)
+        if chosen is not None and chosen.standing:
+            text.append("\nwanted      ", _LABEL).append(chosen.standing)
         return text
 
     def _fit(self, started: ScanStarted) -> list[RenderableType]:
@@ -127,7 +138,8 @@ class LiveConsole:
             return [Text(f"No fit to the first {refusal.points} points: {refusal.reason}", style="yellow")]
         if fit is None:
             return [Text("No fit yet.", style=_LABEL)]
-        title = Text.assemble(("live fit", "bold"), (f"  first {fit.points} of {started.points} points", _LABEL))
+        of_all = "" if started.points is None else f" of {started.points}"
+        title = Text.assemble(("live fit", "bold"), (f"  first {fit.points}{of_all} points", _LABEL))
         return [title, Text(), _parameters(fit.result, started), Text(), Text(quality(fit.result), style=_LABEL)]
 
 

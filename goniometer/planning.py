@@ -1,17 +1,48 @@
-"""What follows from a recipe and a rig before any device is opened: the steps, and how readings will be reduced."""
+"""What follows from a recipe and a rig before any device is opened: the way, and how readings will be reduced."""
 
 from __future__ import annotations
 
-from acquisition.expand import Slots, Step, expand
+from collections.abc import Callable
+
+from acquisition.adaptive import Adaptive
+from acquisition.course import Choice, Course, Listed, passes
+from acquisition.events import Event
+from acquisition.expand import Slots, Step, Visits, expand
+from acquisition.expected_noise import Detection
+from acquisition.fit_points import surface_family
 from acquisition.recipe import Recipe
 from acquisition.reduce import NoiseModel, Radiometry, Reduction
+from acquisition.steering import Steering
 from acquisition.timing import AnalyzerTiming, AxisTiming, BenchTiming
+from drivers.clock import Clock
+from goniometer.durations import clock_text
 from goniometer.rig_file import AxisEntry, Rig
 
 
 def plan(recipe: Recipe, rig: Rig) -> tuple[Step, ...]:
-    """The steps of a recipe on a rig, with their durations."""
+    """The steps of a recipe on a rig, every exit angle once, with their durations."""
     return expand(recipe, slots(rig), timing(rig))
+
+
+def course(recipe: Recipe, rig: Rig, clock: Clock, publish: Callable[[Event], None]) -> Course:
+    """The way a scan takes: the recipe's steps, or what it decides as it goes and then publishes."""
+    if not recipe.is_steered:
+        return Listed(plan(recipe, rig))
+    visits = Visits(recipe, slots(rig), timing(rig))
+    family = surface_family(recipe.fit, rig.calibration.acceptance_sr)
+    choose: Choice = passes(recipe)
+    if recipe.adaptive:
+        choose = Adaptive(recipe, visits, family, detection(recipe, rig))
+    return Steering(recipe, visits, family, choose, clock, publish)
+
+
+def aim(recipe: Recipe) -> str:
+    """What a scan that decides as it goes is after; empty for one that takes the recipe's steps."""
+    if recipe.time_limit_s is None:
+        return ""
+    way = "adaptive" if recipe.adaptive else "passes over the exit angles"
+    wanted = " and ".join(f"{name} ± {error:g}" for name, error in recipe.wanted.items())
+    return f"{way}{f' until {wanted}' if wanted else ''}, for at most {clock_text(recipe.time_limit_s)}"
 
 
 def slots(rig: Rig) -> Slots:
@@ -43,9 +74,15 @@ def timing(rig: Rig) -> BenchTiming:
 
 def reduction(recipe: Recipe, rig: Rig) -> Reduction:
     """The reduction that the rig's calibration and its detector's noise ask for."""
+    expected = detection(recipe, rig)
+    return Reduction(expected.radiometry, expected.noise, has_dark=recipe.dark)
+
+
+def detection(recipe: Recipe, rig: Rig, dark_w: float = 0.0) -> Detection:
+    """What makes readings of light on a rig whose detector shows so much power in the dark."""
     detector = rig.detector
-    return Reduction(
+    return Detection(
         Radiometry(rig.calibration.beam_power_w, rig.calibration.acceptance_sr),
         NoiseModel(detector.noise.read_w, detector.sample_s, detector.noise.shot, recipe.wavelength_nm),
-        has_dark=recipe.dark,
+        dark_w,
     )

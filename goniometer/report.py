@@ -9,11 +9,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from acquisition.fit_points import dataset
 from acquisition.readings import StokesPoint
 from acquisition.whole_file import written_whole
+from goniometer.fit_remarks import remarks
 from goniometer.fit_summary import ParameterRow, parameter_rows, quality
 from goniometer.report_panels import DATA_COLOUR, FIT_COLOUR, draw_quantity, draw_residuals, quantities
-from model.fit import FitResult
+from model.fit import Dataset, FitResult
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -50,6 +52,11 @@ _SYMBOLS = {
     "rho_s": ("$\\rho_\\mathrm{s}$", "weight, specular"),
     "rho_d": ("$\\rho_\\mathrm{d}$", "weight, diffuse"),
     "rho_dd": ("$\\rho_\\mathrm{dd}$", "weight, directional"),
+    "incidence_offset_deg": ("$\\delta_\\mathrm{i}$", "offset of incidence (°)"),
+    "exit_offset_deg": ("$\\delta_\\mathrm{r}$", "offset of exit (°)"),
+    "analyzer_offset_deg": ("$\\delta_\\psi$", "offset of analyzer (°)"),
+    "gain": ("$g$", "gain"),
+    "background_per_sr": ("$b$", "background (1/sr)"),
 }
 
 
@@ -87,7 +94,7 @@ def draw_report(
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    verdict, description = ([], []) if fit is None else _wrapped(fit)
+    verdict, description = ([], []) if fit is None else _wrapped(fit, dataset(points))
     foot_in = _FOOT_MARGIN_IN
     if fit is not None:
         table_in = _ROW_IN * (len(fit.parameters) + 1.6) + _SMALL_ROW_IN * len(verdict)
@@ -187,7 +194,9 @@ def _draw_text(figure: Figure, left: float, top_in: float, lines: Sequence[str])
     figure.text(left, top_in / figure.get_figheight(), "\n".join(lines), va="top", size=8.0, linespacing=1.35)
 
 
-def _wrapped(fit: FitResult) -> tuple[list[str], list[str]]:
-    """What chi-square says, and what the model consists of, in lines that fit their places."""
+def _wrapped(fit: FitResult, data: Dataset) -> tuple[list[str], list[str]]:
+    """What is to be said about the fit, and what the model consists of, in lines that fit their places."""
+    said = [line for remark in (quality(fit), *remarks(fit, data)) for line in remark.splitlines()]
+    verdict = [line for text in said for line in textwrap.wrap(text, _QUALITY_COLUMNS)]
     paragraphs = [textwrap.wrap(paragraph, _TEXT_COLUMNS) for paragraph in fit.description.splitlines()]
-    return textwrap.wrap(quality(fit), _QUALITY_COLUMNS), [line for lines in paragraphs for line in (*lines, "")]
+    return verdict, [line for lines in paragraphs for line in (*lines, "")]

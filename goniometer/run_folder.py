@@ -11,7 +11,7 @@ from pathlib import Path
 import yaml
 
 from acquisition import journal
-from acquisition.fit_points import dataset, surface_family
+from acquisition.fit_points import dataset, fit_arguments, surface_family
 from acquisition.journal import Journal
 from acquisition.nexus import write_nexus
 from acquisition.readings import Reading, StokesPoint
@@ -19,6 +19,7 @@ from acquisition.recipe import Recipe
 from acquisition.stokes_csv import write_stokes_csv
 from acquisition.whole_file import written_whole
 from goniometer.errors import FitError, JournalError, ReductionError
+from goniometer.fit_json import fit_json
 from goniometer.planning import reduction
 from goniometer.report import draw_report
 from goniometer.rig_file import Rig
@@ -30,21 +31,31 @@ _LONGEST_NAME = 60
 
 
 @dataclass(frozen=True)
-class StoredRun:
-    """A stored run: its readings, the Stokes points they reduce to, and the fit of these.
+class MeasuredRun:
+    """What a run measured: its readings, and the Stokes points they reduce to.
 
-    `fit` is None, and `refusal` says why, when the points do not determine the parameters. `truth` is empty unless
-    the sample was simulated; `about` holds the texts and versions that the journal remembers.
+    `about` holds the texts and versions that the journal remembers.
     """
 
     folder: Path
     recipe: Recipe
+    rig: Rig
     readings: tuple[Reading, ...]
     points: tuple[StokesPoint, ...]
+    about: dict[str, str]
+
+
+@dataclass(frozen=True)
+class StoredRun(MeasuredRun):
+    """A stored run, with the fit of its points.
+
+    `fit` is None, and `refusal` says why, when the points do not determine the parameters. `truth` is empty unless
+    the sample was simulated.
+    """
+
     fit: FitResult | None
     refusal: str
     truth: dict[str, float]
-    about: dict[str, str]
 
 
 def new_run_folder(out: Path, recipe_name: str) -> Path:
@@ -74,13 +85,13 @@ def new_run_folder(out: Path, recipe_name: str) -> Path:
     )
 
 
-def load(folder: str | Path) -> StoredRun:
-    """Read a run back from its journal: reduce its readings and fit them, as `goniometer fit` does.
+def measured(folder: str | Path) -> MeasuredRun:
+    """Read a run back from its journal and reduce its readings.
 
     Parameters
     ----------
     folder : str or Path
-        The run's folder, of a finished scan or of one that was cut short.
+        The run's folder, of a finished scan or of one that was cut short, or the journal in it.
 
     Raises
     ------
@@ -101,13 +112,32 @@ def load(folder: str | Path) -> StoredRun:
         raise ReductionError(
             f"{folder} holds {len(readings)} readings and not one finished direction: there is nothing to reduce."
         )
-    result, refusal = None, ""
+    return MeasuredRun(folder, recipe, rig, readings, points, about)
+
+
+def load(folder: str | Path) -> StoredRun:
+    """Read a run back from its journal: reduce its readings and fit them, as `goniometer fit` does.
+
+    Parameters
+    ----------
+    folder : str or Path
+        The run's folder, of a finished scan or of one that was cut short.
+
+    Raises
+    ------
+    JournalError
+        When there is no readable journal.
+    ReductionError
+        When the readings cannot be reduced, or no direction was finished.
+    """
+    run = measured(folder)
+    choice, result, refusal = run.recipe.fit, None, ""
     try:
-        family = surface_family(recipe.fit, rig.calibration.acceptance_sr)
-        result = fit(dataset(points), family, search=recipe.fit.search)
+        family = surface_family(choice, run.rig.calibration.acceptance_sr)
+        result = fit(dataset(run.points, run.folder.name), family, **fit_arguments(choice))
     except FitError as error:
         refusal = str(error)
-    return StoredRun(folder, recipe, readings, points, result, refusal, scene_truth(about["scene"]), about)
+    return StoredRun(**vars(run), fit=result, refusal=refusal, truth=scene_truth(run.about["scene"]))
 
 
 def scene_truth(scene_text: str) -> dict[str, float]:
@@ -117,32 +147,20 @@ def scene_truth(scene_text: str) -> dict[str, float]:
 
 def write_results(run: StoredRun) -> list[Path]:
     """Write what a person looks at beside the journal: Stokes points, NeXus file, fit and report."""
-    csv, nexus, fit_json, report = (run.folder / name for name in ("stokes.csv", "scan.nxs", "fit.json", "report.png"))
+    csv, nexus, fit_json_path, report = (
+        run.folder / name for name in ("stokes.csv", "scan.nxs", "fit.json", "report.png")
+    )
     write_stokes_csv(csv, run.points)
     write_nexus(
         nexus, title=run.recipe.recipe, readings=run.readings, points=run.points, fit=run.fit, provenance=run.about
     )
-    with written_whole(fit_json) as part:
-        part.write_text(json.dumps(_fit_as_json(run), indent=2) + "\n", encoding="utf-8")
+    with written_whole(fit_json_path) as part:
+        part.write_text(_fit_json(run), encoding="utf-8")
     draw_report(report, title=run.recipe.recipe, points=run.points, fit=run.fit, truth=run.truth)
-    return [csv, nexus, fit_json, report]
+    return [csv, nexus, fit_json_path, report]
 
 
-def _fit_as_json(run: StoredRun) -> dict[str, object]:
+def _fit_json(run: StoredRun) -> str:
     if run.fit is None:
-        return {"parameters": {}, "refusal": run.refusal}
-    parameters = {}
-    for name, estimate in run.fit.parameters.items():
-        parameters[name] = {"value": estimate.value, "stderr": estimate.stderr, "at_bound": estimate.at_bound}
-        if name in run.truth:
-            parameters[name]["truth"] = run.truth[name]
-    return {
-        "parameters": parameters,
-        "fixed": dict(run.recipe.fit.fixed),
-        "chi_square": run.fit.chi_square,
-        "degrees_of_freedom": run.fit.degrees_of_freedom,
-        "correlation": {"names": list(run.fit.names), "matrix": run.fit.correlation.tolist()},
-        "model": run.fit.description,
-        "points": len(run.points),
-        "readings": len(run.readings),
-    }
+        return json.dumps({"parameters": {}, "refusal": run.refusal}, indent=2) + "\n"
+    return fit_json(run.fit, run.recipe.fit, run.truth, points=len(run.points), readings=len(run.readings))

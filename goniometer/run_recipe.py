@@ -10,10 +10,10 @@ from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
 from acquisition import journal
+from acquisition.course import Course
 from acquisition.engine import Bench, Engine, stopped_afterwards
 from acquisition.events import FitUpdated, ScanEnded, ScanStarted, Subscriber
-from acquisition.expand import Step
-from acquisition.fit_points import surface_family
+from acquisition.fit_points import fit_arguments, surface_family
 from acquisition.journal import Journal
 from acquisition.live_fit import LiveFit
 from acquisition.pipeline import Pipeline
@@ -21,7 +21,7 @@ from drivers.clock import Clock
 from goniometer.assembly import connected
 from goniometer.bench import Speed, access
 from goniometer.load_files import Setup, load_recipe
-from goniometer.planning import plan, reduction
+from goniometer.planning import aim, course, plan, reduction
 from goniometer.run_folder import StoredRun, load, new_run_folder, scene_truth, write_results
 from goniometer.signals import Interruption
 
@@ -51,7 +51,8 @@ def run(
     speed : float or "max", optional
         Time scale of a simulated bench.
     live_fit : bool
-        Whether to fit while the scan runs; the final fit is made in any case.
+        Whether to fit while the scan runs; the final fit is made in any case, and so are those by which a scan with
+        `until` or `adaptive` decides.
     subscribers : sequence of callable
         Called with every event of the scan, in the calling thread.
 
@@ -70,9 +71,8 @@ def run(
         On Ctrl-C, SIGTERM or SIGHUP; likewise.
     """
     setup = load_recipe(Path(recipe_path), Path(rig_path) if rig_path else None)
-    steps = plan(setup.recipe, setup.rig)
     with Interruption() as interruption:
-        folder = _measure(setup, steps, Path(out), speed, live_fit, subscribers, interruption)
+        folder = _measure(setup, Path(out), speed, live_fit, subscribers, interruption)
         try:
             interruption.check()
             result = load(folder)
@@ -89,7 +89,6 @@ def run(
 
 def _measure(
     setup: Setup,
-    steps: Sequence[Step],
     out: Path,
     speed: Speed | None,
     live_fit: bool,
@@ -106,24 +105,18 @@ def _measure(
         folder = new_run_folder(out, recipe.recipe)
         about = _about(setup, bench_access.scene_text)
         stored = stack.enter_context(Journal.create(folder / journal.FILE_NAME, about))
-        family = surface_family(recipe.fit, rig.calibration.acceptance_sr)
-        fitting = stack.enter_context(LiveFit(family, recipe.fit.search)) if live_fit else None
-        pipeline = Pipeline(steps, reduction(recipe, rig), fitting, subscribers)
+        fitting = None
+        if live_fit and not recipe.is_steered:
+            family = surface_family(recipe.fit, rig.calibration.acceptance_sr)
+            fitting = stack.enter_context(LiveFit(family, fit_arguments(recipe.fit)))
+        pipeline = Pipeline(reduction(recipe, rig), fitting, subscribers)
         stack.enter_context(_switching_threads_often())
-        pipeline.publish(
-            ScanStarted(
-                run=str(folder),
-                recipe=recipe.recipe,
-                points=len({step.point for step in steps}),
-                readings=sum(step.readings for step in steps),
-                expected_duration_s=sum(step.duration_s for step in steps),
-                truth=scene_truth(bench_access.scene_text),
-                notes=bench.notes,
-            )
-        )
-        engine = Engine(bench, clock, stored, pipeline.publish, interruption.check)
+        started = _started(setup, str(folder), bench_access.scene_text, bench.notes)
+        pipeline.publish(started)
+        way = course(recipe, rig, clock, pipeline.publish)
+        engine = Engine(bench, clock, stored, pipeline.publish, interruption.check, started.expected_duration_s)
         try:
-            _scan(engine, bench, steps, clock, pipeline)
+            _scan(engine, bench, way, clock, pipeline)
         except BaseException as error:
             if engine.readings_taken:
                 error.add_note(f"Every reading shown is stored. Look at them with: goniometer fit {folder}")
@@ -133,22 +126,40 @@ def _measure(
     return folder
 
 
-def _scan(engine: Engine, bench: Bench, steps: Sequence[Step], clock: Clock, pipeline: Pipeline) -> None:
+def _started(setup: Setup, folder: str, scene_text: str, notes: tuple[str, ...]) -> ScanStarted:
+    """What is known of a scan at its beginning."""
+    recipe = setup.recipe
+    steps = None if recipe.is_steered else plan(recipe, setup.rig)
+    return ScanStarted(
+        run=folder,
+        recipe=recipe.recipe,
+        points=None if steps is None else len({step.point for step in steps}),
+        readings=None if steps is None else sum(step.readings for step in steps),
+        expected_duration_s=recipe.time_limit_s or sum(step.duration_s for step in steps or ()),
+        truth=scene_truth(scene_text),
+        notes=notes,
+        aim=aim(recipe),
+    )
+
+
+def _scan(engine: Engine, bench: Bench, way: Course, clock: Clock, pipeline: Pipeline) -> None:
     start_s = clock.now()
 
-    def tell_end(reason: str) -> None:
-        pipeline.publish(ScanEnded(reason, engine.readings_taken, clock.now() - start_s))
+    def tell_end(reason: str, *, as_asked: bool) -> None:
+        pipeline.publish(ScanEnded(reason, engine.readings_taken, clock.now() - start_s, as_asked))
 
     try:
         with stopped_afterwards(bench, clock):
-            engine.run(steps)
+            while steps := way.next(pipeline.points):
+                engine.run(steps)
+                pipeline.end_point()
     except BaseException as error:
         try:
-            tell_end(str(error) or type(error).__name__)
+            tell_end(str(error) or type(error).__name__, as_asked=False)
         except Exception as telling:  # noqa: BLE001 (noted: why the scan ended matters more than who could not hear it)
             error.add_note(f"Its end could not be shown or timed: {telling}")
         raise
-    tell_end("finished")
+    tell_end(way.reason, as_asked=True)
 
 
 @contextmanager

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from acquisition.events import (
+    DirectionChosen,
     Event,
     FitRefused,
     FitUpdated,
@@ -35,6 +36,7 @@ class ScanSoFar:
     point: StokesPoint | None = None
     fit: FitUpdated | None = None
     refusal: FitRefused | None = None
+    chosen: DirectionChosen | None = None
     ended: ScanEnded | None = None
     readings: int = 0
     points: int = 0
@@ -55,6 +57,8 @@ class ScanSoFar:
                 self.fit, self.refusal = event, None
             case FitRefused():
                 self.refusal = event
+            case DirectionChosen():
+                self.chosen = event
             case ScanStarted():
                 self.started, self.start_s = event, self.now_s()
             case ScanEnded():
@@ -83,10 +87,13 @@ class ScanSoFar:
         """How the scan ended, as one sentence."""
         if self.started is None:
             return "The scan did not begin."
-        taken = f"{self.readings} of {self.started.readings} readings, {self.points} points"
+        of_all = f" of {self.started.readings}" if self.started.readings else ""
+        taken = f"{self.readings}{of_all} readings, {self.points} points"
         if self.ended is None:
             return f"{self.started.recipe}: cut short after {taken}."
         took = f"{clock_text(self.ended.bench_duration_s)} on the bench's clock"
         if self.ended.reason == "finished":
             return f"{self.started.recipe}: finished, {taken}, {took}."
+        if self.ended.as_asked:
+            return f"{self.started.recipe}: finished, {taken}, {took}. Reason: {self.ended.reason}."
         return f"{self.started.recipe}: ended early after {taken}, {took}. Reason: {self.ended.reason}"

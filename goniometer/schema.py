@@ -117,13 +117,13 @@ def _range(node: Node) -> str:
         (high, "at most"),
         (node.get("exclusiveMaximum"), "less than"),
     )
-    return " " * (len(bounds) > 0) + " and ".join(
-        f"{words} {bound:.10g}" for bound, words in bounds if bound is not None
-    )
+    words = [f"{words} {bound:.10g}" for bound, words in bounds if bound is not None]
+    return f" {' and '.join(words)}" if words else ""
 
 
 def _list(root: Node, node: Node) -> str:
     low, high = node.get("minItems", 0), node.get("maxItems")
-    items = node.get("prefixItems") or [node.get("items", {})]
+    items = [allowed(root, item) for item in node.get("prefixItems") or [node.get("items", {})]]
     count = f"{low} " if low == high else f"at least {low} " if low else ""
-    return f"a list of {count}value{'s' * (low != 1)}, each {allowed(root, items[0])}"
+    each = f"each {items[0]}" if len(set(items)) == 1 else ", then ".join(items)
+    return f"a list of {count}value{'s' * (low != 1)}, {each}"

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import chdtrc, chdtri
 
+from model.fit.bounds import is_held, is_vague
 from model.fit.dataset import Dataset
 from model.fit.family import SurfaceFamily
 from model.fit.levenberg_marquardt import Optimum
@@ -16,7 +17,6 @@ from model.fit.weakness import weakness
 from model.geometry import FloatArray
 
 _EXCESS, _SAME = 4.0, 0.3
-_AT_BOUND, _BESIDE = 1e-6, 1e-2
 _UNLIKELY = 0.01
 _ONE = np.zeros(1, np.int64)
 
@@ -49,10 +49,12 @@ def conclude(
     family, x = problem.family, ends.x[best]
     at = problem.difference(x[None], _ONE)
     gradient = at.jacobian[0] @ at.residuals[0]
-    inside = ~_is_held(x, gradient, problem, at.jacobian)
+    lengths2 = np.einsum("bpr,bpr->bp", at.jacobian, at.jacobian)
+    inside = ~is_held(problem, x[None], gradient[None], lengths2)[0]
     known = uncertainty(at.jacobian[0][inside], _chosen(family.names, inside))
-    vague = np.zeros_like(inside)
-    vague[inside] = _is_vague(x[inside], known.stderr, problem.low[inside], problem.high[inside])
+    stderr = np.zeros(len(x))
+    stderr[inside] = known.stderr
+    vague = is_vague(problem, x[None], stderr[None])[0]
     if vague.any():
         inside &= ~vague
         known = uncertainty(at.jacobian[0][inside], _chosen(family.names, inside))
@@ -86,29 +88,6 @@ def conclude(
         surface=family.seen(values),
         columns=data.observable.columns,
     )
-
-
-def _is_held(x: FloatArray, gradient: FloatArray, problem: Problem, jacobian: FloatArray) -> NDArray[np.bool_]:
-    """Which parameters are at a bound, or so close that the search has but not quite got there.
-
-    At k = 0 reflectance has no slope by k, so that the last of the way is never gone.
-    """
-    unseen = problem.unseen(np.einsum("bpr,bpr->bp", jacobian, jacobian))[0] & problem.is_weight
-    width = problem.high - problem.low
-    close = np.where(np.isfinite(width), _AT_BOUND * width, 0.0)
-    at_low = (x <= problem.low + close) & ((gradient >= 0.0) | unseen | (x > problem.low))
-    held: NDArray[np.bool_] = at_low | ((x >= problem.high - close) & ((gradient <= 0.0) | (x < problem.high)))
-    return held
-
-
-def _is_vague(x: FloatArray, stderr: FloatArray, low: FloatArray, high: FloatArray) -> NDArray[np.bool_]:
-    """Which parameters are beside a bound, with an error beyond all bounds: one that says nothing.
-
-    So it is with k beside 0, where reflectance goes with k².
-    """
-    width = high - low
-    vague: NDArray[np.bool_] = (stderr > width) & (np.minimum(x - low, high - x) < _BESIDE * width)
-    return vague & np.isfinite(width)
 
 
 def _chosen(names: tuple[str, ...], inside: NDArray[np.bool_]) -> tuple[str, ...]:

@@ -168,6 +168,8 @@ class SurfaceFamily:
         for name, (other, _) in self.tied.items():
             if other not in self.free:
                 yield f"{name} is tied to {other}, which is not free"
+            if name in INSTRUMENT or other in INSTRUMENT:
+                yield f"{name} is tied to {other}; only parameters of the surface can be tied"
         for name in self.prior:
             if name not in self.free:
                 yield f"a prior is given for {name}, which is not free"
@@ -186,9 +188,11 @@ class SurfaceFamily:
         for name, (mean, stddev) in self.prior.items():
             if not (math.isfinite(mean) and 0.0 < stddev < math.inf):
                 yield f"the prior of {name} is {mean:g} ± {stddev:g}; it needs a finite mean and a deviation above 0"
-        for name, (_, factor) in self.tied.items():
+        for name, (other, factor) in self.tied.items():
             if not 0.0 < factor < math.inf:
                 yield f"the factor of {name} is {factor:g}; it must be above 0"
+            elif not all(_is_possible(name, factor * bound) for bound in self.free.get(other, ())):
+                yield f"{name} is {factor:g} times {other}, which leaves its range; {_allowed(name)}"
 
 
 def kind_of(lobe: Lobe) -> str:

@@ -83,6 +83,11 @@ def fit(
     compared = data.compared_by(objective)
     family, held = _without_scale(family, compared)
     _require_enough(compared, family)
+    if robust and compared.covariance is None:
+        raise FitError(
+            f"A robust fit needs to know which distance is far, and {compared.name} have no errors. Nothing was "
+            f"fitted. Give standard errors, or fit without robust."
+        )
     tolerated = float(np.sqrt(chdtri(compared.values.shape[1], _TOLERATED))) if robust else np.inf
     problem = Problem.of(compared, family, tolerated)
     if start is not None:
@@ -129,6 +134,9 @@ def _without_scale(family: SurfaceFamily, data: Dataset) -> tuple[SurfaceFamily,
     )
     if held_weights or not family.weights:
         return family, {}
+    known = [name for name in family.weights if name in family.prior]
+    if known:
+        raise ValueError(f"a prior is given for {known[0]}; ratios of light tell weights only in units of another.")
     unit = family.weights[0]
     return family.holding(unit, 1.0), {unit: 1.0}
 
@@ -145,4 +153,14 @@ def _require_enough(data: Dataset, family: SurfaceFamily) -> None:
         raise FitError(
             f"All {len(data)} rows of {data.name} hold the same values, though their directions differ: the detector "
             f"was stuck, saturated or dark, or there is no polarization. Nothing was fitted. Measure again."
+        )
+    polarized = [place for place, name in enumerate(data.observable.columns) if name in ("s1", "s2", "s3")]
+    if (
+        polarized
+        and not data.values[:, polarized].any()
+        and {"n", "k"} & {name.split(".")[-1] for name in family.names}
+    ):
+        raise FitError(
+            f"No row of {data.name} shows any polarization, not even noise: the index cannot be found. Nothing was "
+            f"fitted. Look whether the analyzer turns, or fix n and k."
         )

@@ -11,6 +11,11 @@ from model.fit.observable import Elements, Observable
 from model.fit.problem import Problem
 from model.geometry import FloatArray
 
+# Of information in units of each parameter's own: where readings tell less of a combination, it is rounding.
+_NOTHING = 1e-13
+# A parameter's part in a combination of which nothing is told, above what rounding mixes in.
+_PART = 1e-5
+
 
 def information(
     family: SurfaceFamily,
@@ -59,3 +64,20 @@ def prior_information(family: SurfaceFamily) -> FloatArray:
         place = family.names.index(name)
         told[place, place] = 1.0 / stddev**2
     return told
+
+
+def standard_errors(told: FloatArray) -> FloatArray:
+    """The least standard errors (P,) that information (P, P) allows, those of an efficient fit.
+
+    A parameter is infinitely uncertain if it can change together with others, or alone, and leave every reading the
+    same.
+    """
+    lengths = np.sqrt(np.diag(told))
+    # In units of what each parameter would be known to alone, so that no unit decides what is singular.
+    unit = np.where(lengths > 0.0, lengths, 1.0)
+    strengths, combinations = np.linalg.eigh(told / np.outer(unit, unit))
+    blind = strengths <= _NOTHING * strengths[-1]
+    share = np.linalg.norm(combinations[:, blind], axis=1)
+    variance = (combinations[:, ~blind] ** 2 / strengths[~blind]).sum(axis=1)
+    errors: FloatArray = np.where(share > _PART, np.inf, np.sqrt(variance) / unit)
+    return errors

@@ -134,32 +134,29 @@ def _move(
     high: FloatArray,
 ) -> FloatArray:
     """The damped step within the box (b, P)."""
-    free = ~(((x <= low) & (gradient >= 0.0)) | ((x >= high) & (gradient <= 0.0)))
     # A parameter that nothing depends on stays where it is.
-    seen = scale > 0.0
-    free &= seen
-    damped = normal + (damping[:, None] * np.where(seen, scale, 1.0))[:, None, :] * np.eye(x.shape[1])
-    move = np.zeros_like(x)
-    for _ in range(2):
-        pull = gradient + np.einsum("bpq,bq->bp", normal, np.where(free, 0.0, move))
-        move = np.where(free, _solved(damped, -pull, free, scale), move)
-        inside = np.clip(x + move, low, high) - x
-        outside = free & (inside != move) & ((x + move < low) | (x + move > high))
-        move = np.where(outside, inside, move)
-        if not outside.any():
-            break
-        free &= ~outside
+    free = ~(((x <= low) & (gradient >= 0.0)) | ((x >= high) & (gradient <= 0.0))) & (scale > 0.0)
+    move = _solved(normal, damping, -gradient, free, scale)
+    beyond = np.flatnonzero(((x + move < low) | (x + move > high)).any(axis=1))
+    if len(beyond):
+        here, wanted, matrix = x[beyond], move[beyond], normal[beyond]
+        inside = np.clip(here + wanted, low, high) - here
+        outside = (here + wanted < low) | (here + wanted > high)
+        pull = gradient[beyond] + np.einsum("bpq,bq->bp", matrix, np.where(outside, inside, 0.0))
+        others = _solved(matrix, damping[beyond], -pull, free[beyond] & ~outside, scale[beyond])
+        move[beyond] = np.where(outside, inside, others)
     return np.clip(x + move, low, high) - x
 
 
-def _solved(damped: FloatArray, right: FloatArray, free: NDArray[np.bool_], scale: FloatArray) -> FloatArray:
-    # Unit columns keep the equations of quantities of very different size solvable.
-    unit = 1.0 / np.sqrt(np.where(scale > 0.0, scale, 1.0))
-    matrix = damped * unit[:, :, None] * unit[:, None, :]
-    both = free[:, :, None] & free[:, None, :]
-    matrix = np.where(both, matrix, np.eye(right.shape[1]))
-    solution = np.linalg.solve(matrix, np.where(free, right * unit, 0.0)[..., None])[..., 0]
-    step: FloatArray = solution * unit
+def _solved(
+    normal: FloatArray, damping: FloatArray, right: FloatArray, free: NDArray[np.bool_], scale: FloatArray
+) -> FloatArray:
+    # Unit columns keep the equations of quantities of very different size solvable; what is not free does not move.
+    unit = np.where(free, 1.0 / np.sqrt(np.where(free, scale, 1.0)), 0.0)
+    matrix = normal * (unit[:, :, None] * unit[:, None, :])
+    diagonal = np.einsum("bpp->bp", matrix)
+    diagonal += np.where(free, damping[:, None], 1.0)
+    step: FloatArray = np.linalg.solve(matrix, (right * unit)[..., None])[..., 0] * unit
     return step
 
 

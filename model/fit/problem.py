@@ -16,6 +16,8 @@ from model.geometry import FloatArray
 
 Places = NDArray[np.int64]
 _DARK = 1e-24
+# Jacobians of so many problems are in memory at a time.
+_AT_ONCE = 32
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,9 +128,7 @@ class Problem:
 
     def light(self, x: FloatArray, which: Places) -> tuple[FloatArray, FloatArray]:
         """Values (b, M, N) and derivatives (b, P, M, N) of surfaces with the parameters x (b, P), not whitened."""
-        light, slopes = self._forward(x, which)
-        with np.errstate(invalid="ignore", divide="ignore", over="ignore"):  # a dark surface has no ratios
-            return self.observable.of(light, slopes)
+        return self.observable.of(*self._forward(x, which))
 
     def stokes(self, x: FloatArray) -> FloatArray:
         """S0, S1, S2 (N, 3) under unpolarized light of the one surface with the parameters x (P,)."""
@@ -137,7 +137,14 @@ class Problem:
         return stokes
 
     def difference(self, x: FloatArray, which: Places) -> Difference:
-        """How far surfaces with the parameters x (b, P) are from the sets of data of these numbers (b,)."""
+        """How far surfaces with the parameters x (b, P) are from the sets of data of these numbers (b,).
+
+        Where a surface is dark, or beyond all numbers, differences of ratios are not finite: nothing is closer.
+        """
+        with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
+            return self._difference(x, which)
+
+    def _difference(self, x: FloatArray, which: Places) -> Difference:
         values, slopes = self.light(x, which)
         whitener = self._whitener if len(self._whitener) == 1 else self._whitener[which]
         target = self._target if len(self._target) == 1 else self._target[which]
@@ -159,9 +166,9 @@ class Problem:
 
     def normal_equations(self, x: FloatArray, which: Places) -> NormalEquations:
         """The normal equations of surfaces with the parameters x (b, P) and the sets of data of these numbers (b,)."""
-        at = self.difference(x, which)
-        gradient = np.matmul(at.jacobian, at.residuals[..., None])[..., 0]
-        return NormalEquations(at.cost, gradient, np.matmul(at.jacobian, at.jacobian.swapaxes(-1, -2)))
+        blocks = [slice(at, at + _AT_ONCE) for at in range(0, max(len(x), 1), _AT_ONCE)]
+        parts = [_normal_equations(self.difference(x[block], which[block])) for block in blocks]
+        return NormalEquations(*(np.concatenate(arrays) for arrays in zip(*parts, strict=True)))
 
     def _bounded(self, residuals: FloatArray, jacobian: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         # Huber's loss of each direction's length; weights √(limit/length) make its gradient that of least squares.
@@ -172,6 +179,12 @@ class Problem:
         cost = np.where(far, 2.0 * limit * length - limit * limit, length2).sum(axis=1)
         weight = np.sqrt(np.where(far, limit / np.where(far, length, 1.0), 1.0))
         return residuals * weight[:, None], jacobian * weight[:, None, None], cost
+
+
+def _normal_equations(at: Difference) -> tuple[FloatArray, FloatArray, FloatArray]:
+    with np.errstate(invalid="ignore", over="ignore"):  # of what is beyond all numbers
+        gradient = np.matmul(at.jacobian, at.residuals[..., None])[..., 0]
+        return at.cost, gradient, np.matmul(at.jacobian, at.jacobian.swapaxes(-1, -2))
 
 
 def whitened(whitener: FloatArray, values: FloatArray) -> FloatArray:

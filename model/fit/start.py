@@ -10,8 +10,6 @@ from itertools import combinations
 from typing import Literal
 
 import numpy as np
-from scipy.optimize import differential_evolution, nnls
-from scipy.stats import qmc
 
 from model.fit.problem import Places, Problem
 from model.fit.quantities import INSTRUMENT, NOMINAL, quantity
@@ -61,6 +59,8 @@ def sobol_starts(problem: Problem, which: Places, best: int, seed: int) -> Float
 
 def genetic_start(problem: Problem, one: int, seed: int) -> FloatArray:
     """The one point (P,) that differential evolution of the shapes ends at: the genetic stage of Hao et al. 2023."""
+    from scipy.optimize import differential_evolution  # takes longer to load than most commands to run
+
     box = _Box(problem)
 
     def cost(units: FloatArray) -> FloatArray:
@@ -103,6 +103,8 @@ def non_negative(gram: FloatArray, right: FloatArray) -> FloatArray:
     wanted = right * unit
     best = np.zeros_like(right)
     if count > _WIDEST:
+        from scipy.optimize import nnls
+
         for b in range(len(right)):
             root = np.linalg.cholesky(scaled[b] + 1e-13 * np.eye(count))
             best[b] = nnls(root.T, np.linalg.solve(root, wanted[b]))[0]
@@ -150,6 +152,8 @@ class _Box:
         """Points (b, P) that fill the box evenly; one if there is nothing to search."""
         if not self.dimension:
             return self.at(np.zeros((1, 0)))
+        from scipy.stats import qmc
+
         count = POINTS if self._problem.observable.is_linear else _POINTS_OF_RATIOS
         return self.at(qmc.Sobol(self.dimension, scramble=True, seed=seed).random(count))
 

@@ -98,7 +98,7 @@ def moving(bench):
 
 
 def engine(bench, clock, journal, publish=lambda event: None, check=lambda: None):
-    return Engine(bench, clock, journal, publish, check)
+    return Engine(bench, clock, journal, publish, check, duration_s=60.0)
 
 
 def test_all_moves_of_a_step_overlap(bench, clock, journal):

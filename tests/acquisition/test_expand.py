@@ -6,10 +6,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
+from pydantic import ValidationError
 
 from acquisition.expand import HOME, Slots, expand
 from acquisition.recipe import Recipe
-from acquisition.timing import AnalyzerTiming, AxisTiming, BenchTiming
+from acquisition.timing import READING_POLL_S, AnalyzerTiming, AxisTiming, BenchTiming
 
 SLOTS = Slots(polarizers={0.0: 2, 45.0: 3, 90.0: 4, 135.0: 5}, offset_deg=10.0, blocked=6, open=1)
 ARM = AxisTiming(velocity_deg_s=20, acceleration_deg_s2=80, settle_s=0.05)
@@ -92,3 +93,32 @@ def test_a_step_lasts_as_long_as_its_slowest_move_and_its_readings():
     assert arm_s + 2.0 < first.duration_s < arm_s + 2.0 + 0.25
     assert 0.5 + 2.0 < second.duration_s < 0.5 + 2.0 + 0.25
     assert math.isfinite(first.duration_s)
+
+
+def test_each_exit_angle_has_its_own_readings():
+    steps = steps_of(readings=[1, 20, 3, 4], reference={"exit_deg": 45.0, "every_points": 2})
+    for point, readings in enumerate((1, 20, 3, 4)):
+        assert {step.readings for step in steps if step.point == point} == {readings}
+
+
+def test_readings_take_the_time_that_they_take_whichever_way_they_are_written():
+    once, listed = steps_of(readings=5), steps_of(readings=[5, 5, 5, 5])
+    assert once == listed
+    more = steps_of(readings=[5, 9, 5, 5])
+    extra_s = sum(step.duration_s for step in more) - sum(step.duration_s for step in once)
+    slots = 5
+    assert_allclose(extra_s, slots * 4 * (0.03 + READING_POLL_S))
+
+
+@pytest.mark.parametrize(
+    ("readings", "message"),
+    [
+        ([3, 3], "got a list of 2; allowed: one number for each of the 4 exit angles, or one for all"),
+        ([], "got a list of 0"),
+        ([1, 2, 0, 4], "greater than or equal to 1"),
+        ([1, 2, 2.5, 4], "valid integer"),
+    ],
+)
+def test_a_list_of_readings_that_fits_no_angles_is_refused(readings, message):
+    with pytest.raises(ValidationError, match=message):
+        recipe(readings=readings)

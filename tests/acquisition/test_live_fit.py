@@ -7,12 +7,14 @@ from numpy.testing import assert_allclose
 
 from acquisition import live_fit
 from acquisition.events import FitRefused, FitUpdated
+from acquisition.fit_points import FitArguments
 from acquisition.live_fit import LiveFit
 from acquisition.readings import StokesPoint
 from model.fit import fit, lobe_family
 from model.lobes import Diffuse, Specular
 from model.surface import Surface
 
+HOW: FitArguments = {"objective": "stokes", "search": "sobol", "robust": False}
 FAMILY = lobe_family(("specular", "diffuse"), {"sigma": (0.02, 1.0), "n": (1.05, 3.0)}, {"k": 0.0})
 
 
@@ -36,7 +38,7 @@ def news_after(fitting, points):
 
 
 def test_points_are_fitted():
-    with LiveFit(FAMILY, "sobol") as fitting:
+    with LiveFit(FAMILY, HOW) as fitting:
         news = news_after(fitting, points_of(0.2, 1.5))
     assert isinstance(news, FitUpdated)
     assert news.points == 25
@@ -51,7 +53,7 @@ def test_a_last_optimum_that_fits_poorly_is_not_trusted(monkeypatch):
         return fit(data, family, **how)
 
     monkeypatch.setattr(live_fit, "fit", counted)
-    with LiveFit(FAMILY, "sobol") as fitting:
+    with LiveFit(FAMILY, HOW) as fitting:
         news_after(fitting, points_of(0.2, 1.5))
         news_after(fitting, points_of(0.2, 1.5))
         assert ["start" in how for how in calls] == [False, True]
@@ -61,7 +63,7 @@ def test_a_last_optimum_that_fits_poorly_is_not_trusted(monkeypatch):
 
 
 def test_too_few_points_are_refused_and_the_next_are_fitted():
-    with LiveFit(FAMILY, "sobol") as fitting:
+    with LiveFit(FAMILY, HOW) as fitting:
         refused = news_after(fitting, points_of(0.2, 1.5)[:1])
         fitted = news_after(fitting, points_of(0.2, 1.5))
     assert isinstance(refused, FitRefused)
@@ -74,7 +76,7 @@ def test_an_error_in_the_fits_own_code_is_told_and_the_thread_goes_on(monkeypatc
         raise ZeroDivisionError("a bug")
 
     monkeypatch.setattr(live_fit, "fit", broken)
-    with LiveFit(FAMILY, "sobol") as fitting:
+    with LiveFit(FAMILY, HOW) as fitting:
         news = news_after(fitting, points_of(0.2, 1.5))
         assert isinstance(news, FitRefused)
         assert "ZeroDivisionError: a bug" in news.reason
@@ -93,7 +95,7 @@ def test_submitting_never_waits_and_the_newest_points_win(monkeypatch):
         return fit(data, family, **how)
 
     monkeypatch.setattr(live_fit, "fit", slow)
-    with LiveFit(FAMILY, "sobol") as fitting:
+    with LiveFit(FAMILY, HOW) as fitting:
         fitting.submit(points_of(0.2, 1.5)[:20])
         begun.wait(10.0)
         for count in (21, 22, 23, 24, 25):

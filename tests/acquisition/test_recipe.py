@@ -87,7 +87,7 @@ def test_a_list_of_exit_angles_is_kept_in_its_order() -> None:
         ({"exposure_s": 0}, "greater than 0"),
         ({"exposure_s": 3601}, "less than or equal to 3600"),
         ({"readings": 0}, "greater than or equal to 1"),
-        ({"readings": 1001}, "less than or equal to 1000"),
+        ({"readings": 10001}, "less than or equal to 10000"),
         ({"readings": 3.0}, "valid integer"),
         ({"dark": 1}, "valid boolean"),
         ({"azimuth_deg": 361}, "less than or equal to 360"),

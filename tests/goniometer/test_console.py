@@ -54,6 +54,7 @@ FIT = FitResult(
     },
     chi_square=8.5,
     degrees_of_freedom=8,
+    p_value=0.39,
     names=("sigma", "n"),
     correlation=np.eye(2),
     stokes=np.array([[0.5, 0.1, 0.0]]),
@@ -68,7 +69,7 @@ EVENTS: list[Event] = [
     PointReduced(POINT),
     FitRefused(1, "3 values cannot determine 6 parameters"),
     FitUpdated(2, FIT),
-    ScanEnded("finished", 1, 121.0),
+    ScanEnded("finished", 1, 121.0, as_asked=True),
 ]
 
 
@@ -112,7 +113,13 @@ def test_every_json_line_holds_its_event() -> None:
     assert refused["reason"].startswith("3 values")
     assert fit["result"]["parameters"]["n"] == {"value": 2.95, "stderr": 0.012, "at_bound": False}
     assert fit["result"]["correlation"] == [[1.0, 0.0], [0.0, 1.0]]
-    assert ended == {"event": "ScanEnded", "reason": "finished", "readings": 1, "bench_duration_s": 121.0}
+    assert ended == {
+        "event": "ScanEnded",
+        "reason": "finished",
+        "readings": 1,
+        "bench_duration_s": 121.0,
+        "as_asked": True,
+    }
 
 
 def test_json_never_says_nan() -> None:
@@ -157,7 +164,7 @@ def test_the_summary_gives_value_error_truth_and_chi_square_in_words() -> None:
 
 
 def test_a_scan_that_ends_early_says_why_and_keeps_its_last_fit() -> None:
-    shown = _shown("plain", io.StringIO(), [*EVENTS[:-1], ScanEnded("Ctrl-C", 1, 60.0)])
+    shown = _shown("plain", io.StringIO(), [*EVENTS[:-1], ScanEnded("Ctrl-C", 1, 60.0, as_asked=False)])
     assert "ended early after 1 of 10 readings, 1 points, 1:00 on the bench's clock. Reason: Ctrl-C" in shown
     assert "0.312 ± 0.011" in shown
 

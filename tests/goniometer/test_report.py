@@ -57,6 +57,7 @@ def _fit(points: list[StokesPoint]) -> FitResult:
         },
         chi_square=8.5,
         degrees_of_freedom=8,
+        p_value=0.39,
         names=("sigma", "n"),
         correlation=np.eye(2),
         stokes=np.array([np.abs(point.stokes) for point in points]),

@@ -233,8 +233,11 @@ def test_dolp_zero_everywhere_is_refused() -> None:
     unpolarized = replace(data, values=data.values * [1.0, 0.0, 0.0])
     with pytest.raises(FitError, match=r"same values|do not determine"):
         fit(unpolarized, DIELECTRIC, objective="dolp")
-    # Beside the brightness it is a measurement that no such surface explains, and that is said.
-    assert fit(unpolarized, DIELECTRIC).p_value == 0.0
+    with pytest.raises(FitError, match="shows any polarization"):
+        fit(unpolarized, DIELECTRIC)
+    # With noise in them it is a measurement that no such surface explains, and that is said.
+    noise = np.array([0.0, 1e-6, 1e-6]) * np.random.default_rng(0).standard_normal(unpolarized.values.shape)
+    assert fit(replace(unpolarized, values=unpolarized.values + noise), DIELECTRIC).p_value < 1e-9
 
 
 def test_a_dark_row_has_no_ratio() -> None:
@@ -321,3 +324,38 @@ def test_profile_and_bootstrap_know_priors_and_data_without_errors() -> None:
     assert_allclose(interval, estimate.value + np.array([-1.0, 1.0]) * estimate.stderr, atol=0.1 * estimate.stderr)
     scatter = bootstrap(even, METAL, result, count=600).stderr["sigma"]
     assert_allclose(scatter, estimate.stderr, rtol=0.12)
+
+
+def test_what_makes_no_sense_is_refused() -> None:
+    data = scan(IRON)
+    with pytest.raises(FitError, match="no errors"):
+        fit(replace(data, covariance=None), METAL, robust=True)
+    with pytest.raises(ValueError, match="only in units of another"):
+        fit(data, lobe_family(LOBES, SHAPES, prior={"rho_s": (0.7, 0.01)}), objective="dolp")
+    with pytest.raises(ValueError, match="only parameters of the surface can be tied"):
+        lobe_family(LOBES, SHAPES | {"exit_offset_rad": (-0.1, 0.1)}, tied={"gain": ("n", 1.0)})
+    with pytest.raises(ValueError, match="leaves its range"):
+        lobe_family(LOBES, SHAPES, tied={"asymmetry": ("n", 0.5)})
+    with pytest.raises(FitError, match="shows any polarization"):
+        fit(replace(data, values=data.values * [1.0, 0.0, 0.0], covariance=None), METAL)
+    unpolarized = scan(IRON)
+    diffuse = lobe_family(("diffuse",), {"sigma": (0.02, 1.0)})
+    assert fit(replace(unpolarized, values=data.values * [1.0, 0.0, 0.0]), diffuse).values["rho_d"] > 0.0
+
+
+def test_random_numbers_are_no_surface_and_say_so_without_a_warning() -> None:
+    data = scan(IRON)
+    random = np.random.default_rng(4)
+    for objective in ("stokes", "normalised", "dolp", "rms"):
+        values = np.abs(random.standard_normal(data.values.shape)) * [1.0, 0.3, 0.3]
+        noise = replace(data, values=values, covariance=np.broadcast_to(1e-4 * np.eye(3), (61, 3, 3)))
+        try:
+            result = fit(noise, METAL, objective=objective)
+        except FitError:
+            continue
+        assert objective == "rms" or result.p_value < 1e-9
+        widths = {name: high - low for name, (low, high) in METAL.free.items() if high < 1e9}
+        vague = [
+            name for name, e in result.parameters.items() if e.stderr and e.stderr > 1e3 * widths.get(name, np.inf)
+        ]
+        assert not vague

@@ -1,0 +1,81 @@
+"""The way a scan takes: the steps of one direction after another, fixed beforehand or decided as it goes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from itertools import groupby
+from typing import Protocol
+
+from acquisition.expand import Step, Target
+from acquisition.readings import StokesPoint
+from acquisition.recipe import Recipe
+from model.fit import FitResult
+
+
+class Course(Protocol):
+    """Whatever says where a scan goes on."""
+
+    @property
+    def reason(self) -> str:
+        """Why there is no further direction."""
+        ...
+
+    def next(self, points: Sequence[StokesPoint]) -> Sequence[Step]:
+        """The steps of the next direction, when these points have been measured; none at the end."""
+        ...
+
+
+class Listed:
+    """All steps as they were planned."""
+
+    reason = "finished"
+
+    def __init__(self, steps: Sequence[Step]) -> None:
+        self._directions = (tuple(group) for _, group in groupby(steps, key=lambda step: step.point))
+
+    def next(self, points: Sequence[StokesPoint]) -> Sequence[Step]:
+        """The steps of the next direction, whatever was measured."""
+        return next(self._directions, ())
+
+
+@dataclass(frozen=True)
+class Visit:
+    """A direction to measure: exit angle, readings in every slot, and what a person is told why it was chosen."""
+
+    exit_deg: float
+    readings: int
+    why: str
+
+
+@dataclass(frozen=True, eq=False)
+class Situation:
+    """What is known when the next direction is chosen.
+
+    `result` is None while there is no fit; `unmet` are the parameters that are not yet known as well as wanted, the
+    least known first. The bench stands at `here`; `elapsed_s` have gone, `left_s` are left.
+    """
+
+    points: Sequence[StokesPoint]
+    result: FitResult | None
+    unmet: tuple[str, ...]
+    here: Target
+    elapsed_s: float
+    left_s: float
+
+
+Choice = Callable[[Situation], Visit | None]
+"""Chooses the next direction; None when no direction fits into the time that is left."""
+
+
+def passes(recipe: Recipe) -> Choice:
+    """The recipe's exit angles forth and back again, without end."""
+
+    def endless() -> Iterator[Visit]:
+        directions = tuple(zip(recipe.exit_angles_deg(), recipe.readings_of_angles(), strict=True))
+        while True:
+            yield from (Visit(exit_deg, readings, "") for exit_deg, readings in directions)
+            directions = directions[::-1]
+
+    visits = endless()
+    return lambda situation: next(visits)

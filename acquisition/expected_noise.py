@@ -1,0 +1,145 @@
+"""What a scan will measure of an assumed sample: its readings without noise, and the covariances they reduce to.
+
+The covariances come from `Reduction` itself, so that what is predicted is what will be reported.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from acquisition.analyzer_matrix import analyzer_row
+from acquisition.expand import Step, Target
+from acquisition.readings import Reading, StokesPoint
+from acquisition.reduce import LampLevel, NoiseModel, Radiometry, Reduction
+from acquisition.timing import READING_POLL_S
+from model.acceptance import Acceptance
+from model.geometry import FloatArray, in_plane
+from model.surface import Surface
+
+Light = Callable[[FloatArray, FloatArray], FloatArray]
+"""S0, S1, S2 (N, 3) in 1/sr for incidence and signed exit angles (N,) in degrees."""
+
+
+@dataclass(frozen=True)
+class Detection:
+    """The detector's side of a bench: what makes readings of light.
+
+    Parameters
+    ----------
+    radiometry : Radiometry
+        The rig's calibration.
+    noise : NoiseModel
+        The detector's noise.
+    dark_w : float
+        Power that it shows in the dark, in W; it matters by its photon noise alone.
+    """
+
+    radiometry: Radiometry
+    noise: NoiseModel
+    dark_w: float = 0.0
+
+    def power_w(self, stokes: FloatArray, exit_deg: float, analyzer_deg: float | None) -> float:
+        """Mean power of a reading of light S0, S1, S2 in 1/sr through a polarizer; None: through the open slot."""
+        arriving_w = self.radiometry.beam_power_w * self.radiometry.acceptance_sr * math.cos(math.radians(exit_deg))
+        return self.dark_w + arriving_w * float(analyzer_row(analyzer_deg) @ stokes)
+
+
+def light_of(surface: Surface | Acceptance) -> Light:
+    """The light of a surface, as readings need it."""
+
+    def light(incidence_deg: FloatArray, exit_deg: FloatArray) -> FloatArray:
+        stokes = surface.stokes(np.radians(incidence_deg), *in_plane(np.radians(exit_deg)))
+        return np.asarray(stokes[..., :3], np.float64)
+
+    return light
+
+
+def expected_readings(steps: Sequence[Step], light: Light, detection: Detection) -> tuple[Reading, ...]:
+    """The readings that steps take of a sample when there is no noise, a steady lamp and no error of position."""
+    stokes = light(*np.array([(step.target.incidence_deg, step.target.exit_deg) for step in steps]).T)
+    readings, ended_s = [], 0.0
+    for step, of_step in zip(steps, stokes, strict=True):
+        target, reading_s = step.target, step.exposure_s + READING_POLL_S
+        ended_s += step.duration_s
+        power_w = detection.dark_w
+        if step.kind != "dark":
+            power_w = detection.power_w(of_step, target.exit_deg, step.analyzer_deg)
+        readings += [
+            Reading(
+                point=step.point,
+                kind=step.kind,
+                repeat=repeat,
+                time_s=ended_s - (step.readings - repeat) * reading_s,
+                incidence_deg=target.incidence_deg,
+                exit_deg=target.exit_deg,
+                azimuth_deg=target.azimuth_deg,
+                slot=target.slot,
+                analyzer_deg=step.analyzer_deg,
+                exposure_s=step.exposure_s,
+                power_w=power_w,
+            )
+            for repeat in range(step.readings)
+        ]
+    return tuple(readings)
+
+
+def expected_points(steps: Sequence[Step], light: Light, detection: Detection) -> tuple[StokesPoint, ...]:
+    """The Stokes points, with their covariances, that steps will yield of a sample.
+
+    Raises
+    ------
+    ReductionError
+        If a direction cannot be reduced, for example because the reference direction is dark.
+    """
+    has_dark = any(step.kind == "dark" for step in steps)
+    reduction = Reduction(detection.radiometry, detection.noise, has_dark=has_dark)
+    return reduction.scan(expected_readings(steps, light, detection))
+
+
+def expected_covariance(
+    stokes: FloatArray,
+    exit_deg: float,
+    detection: Detection,
+    *,
+    analyzer_deg: Sequence[float],
+    exposure_s: float,
+    readings: int = 1,
+    has_dark: bool = True,
+    lamp: LampLevel = LampLevel(),  # noqa: B008 (frozen)
+) -> FloatArray:
+    """Covariance (3, 3) of S0, S1, S2 in 1/sr² of one direction, with every slot read equally often.
+
+    Without references it goes with 1/readings.
+
+    Parameters
+    ----------
+    stokes : ndarray
+        The S0, S1, S2 to be measured, shape (3,), in 1/sr.
+    exit_deg : float
+        Signed exit angle, in degrees.
+    detection : Detection
+        The detector's side of the bench.
+    analyzer_deg : sequence of float
+        True angles of the polarizers from the s-direction, in degrees.
+    exposure_s : float
+        Of each reading, in s.
+    readings : int
+        In each slot.
+    has_dark : bool
+        Whether the blocked slot is read too.
+    lamp : LampLevel
+        What references tell of the lamp.
+    """
+    angles_deg: list[float | None] = [*analyzer_deg, *([None] if has_dark else [])]
+    steps = [
+        Step(
+            0, "dark" if angle is None else "signal", Target(0.0, exit_deg, 0.0, slot), angle, readings, exposure_s, 0.0
+        )
+        for slot, angle in enumerate(angles_deg, 1)
+    ]
+    taken = expected_readings(steps, lambda *_: np.broadcast_to(stokes, (len(steps), 3)), detection)
+    return Reduction(detection.radiometry, detection.noise, has_dark=has_dark).point(taken, lamp).covariance

@@ -1,0 +1,97 @@
+"""Measured Stokes parameters out of a NeXus file that `acquisition.nexus` wrote."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from acquisition.fit_points import directions
+from goniometer.errors import FitError, JournalError
+from model.fit import Dataset
+from model.geometry import FloatArray
+
+if TYPE_CHECKING:
+    import h5py
+
+_POINTS, _PROVENANCE = "entry/stokes", "entry/provenance"
+
+
+def read_measured_nexus(path: Path) -> tuple[Dataset, dict[str, str]]:
+    """Read the reduced points of a scan, and the texts that the file keeps of where they came from.
+
+    Parameters
+    ----------
+    path : Path
+        A scan.nxs.
+
+    Returns
+    -------
+    data : Dataset
+        The same numbers as the run's, named by the file.
+    about : dict of str to str
+        Recipe, rig, scene and versions; empty if the file has none.
+
+    Raises
+    ------
+    JournalError
+        If the file cannot be read, or is no HDF5 file.
+    FitError
+        If it lacks the points, or they have another form than a scan's.
+    """
+    import h5py  # 0.1 s that a table does not need
+
+    try:
+        with h5py.File(path, "r") as file:
+            return _data(file, path), _about(file)
+    except (OSError, KeyError, RuntimeError) as error:  # the last two are how HDF5 meets damaged bytes
+        raise JournalError(
+            f"{path} cannot be read as a NeXus file: {error}. Nothing was fitted. Write it again from the run: "
+            "goniometer fit RUN"
+        ) from error
+
+
+def _data(file: h5py.File, path: Path) -> Dataset:
+    stokes = [_numbers(file, f"S{place}", "1/sr", 1, path) for place in range(3)]
+    covariance = _numbers(file, "covariance", "1/sr^2", 3, path)
+    incidence_deg, exit_deg = (_numbers(file, name, "deg", 1, path) for name in ("incidence_angle", "exit_angle"))
+    rows = len(exit_deg)
+    expected = (rows, 3, 3)
+    if {len(incidence_deg), *map(len, stokes)} != {rows} or covariance.shape != expected:
+        raise FitError(
+            f"{path}: the arrays of {_POINTS} differ in length, or its covariance, of shape {covariance.shape}, is not "
+            f"{expected}. Nothing was fitted. Write the file again from the run: goniometer fit RUN"
+        )
+    return Dataset(*directions(incidence_deg, exit_deg), np.stack(stokes, axis=1), covariance, name=path.name)
+
+
+def _numbers(file: h5py.File, name: str, units: str, dimensions: int, path: Path) -> FloatArray:
+    import h5py
+
+    place = f"{_POINTS}/{name}"
+    found = file.get(place)
+    if not isinstance(found, h5py.Dataset) or found.dtype.kind != "f" or found.ndim != dimensions:
+        what = "is missing" if found is None else "is not an array of numbers, or not of as many dimensions as a scan's"
+    elif found.attrs.get("units") != units:
+        what = f"is in {found.attrs.get('units')}; a scan's is in {units}"
+    else:
+        return np.asarray(found[()], np.float64)
+    raise FitError(
+        f"{path}: {place} {what}. Nothing was fitted. Only files that a run wrote (scan.nxs) can be read; write other "
+        "data as a table (.csv)."
+    )
+
+
+def _about(file: h5py.File) -> dict[str, str]:
+    """The notes of the group of provenance, as far as they are texts."""
+    import h5py
+
+    about = {}
+    notes = file.get(_PROVENANCE)
+    for note in notes.values() if isinstance(notes, h5py.Group) else ():
+        if isinstance(note, h5py.Group) and isinstance(note.get("data"), h5py.Dataset) and "description" in note:
+            key, text = note["description"][()], note["data"][()]
+            if isinstance(key, bytes) and isinstance(text, bytes):
+                about[key.decode(errors="replace")] = text.decode(errors="replace")
+    return about

@@ -1,0 +1,117 @@
+"""A scan that decides as it goes: whether it goes on, and where.
+
+Every decision rests on a fit to all points, made in the thread that moves the bench, while nothing moves. So it depends
+on the readings alone: in virtual time the same seed gives the same scan, however fast the computer is.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+from acquisition.course import Choice, Situation
+from acquisition.events import DirectionChosen, Event, FitRefused, FitUpdated
+from acquisition.expand import HOME, Step, Visits
+from acquisition.fit_points import dataset, fit_arguments
+from acquisition.readings import StokesPoint
+from acquisition.recipe import Recipe
+from acquisition.wanted import Judgement, judge, misfit
+from drivers.clock import Clock
+from goniometer.errors import FitError
+from model.fit import FitResult, SurfaceFamily, fit
+
+
+class Steering:
+    """The course of a scan with `until` or `adaptive`.
+
+    Parameters
+    ----------
+    recipe : Recipe
+        What is wanted, and the time there is.
+    visits : Visits
+        Makes the steps.
+    family : SurfaceFamily
+        What is fitted.
+    choose : callable
+        Says where to measure next.
+    clock : Clock
+        The bench's clock; the time limit counts from the first direction.
+    publish : callable
+        Called with each fit and each choice.
+    """
+
+    def __init__(
+        self,
+        recipe: Recipe,
+        visits: Visits,
+        family: SurfaceFamily,
+        choose: Choice,
+        clock: Clock,
+        publish: Callable[[Event], None],
+    ) -> None:
+        assert recipe.time_limit_s is not None, "a recipe that steers is only accepted with a time limit"
+        self._recipe, self._visits, self._family, self._choose = recipe, visits, family, choose
+        self._clock, self._publish, self._limit_s = clock, publish, recipe.time_limit_s
+        self._wanted = recipe.wanted
+        self._start_s: float | None = None
+        self._here = HOME
+        self._last: FitResult | None = None
+        self._refusal = "there is no point yet"
+        self.reason = ""
+
+    def next(self, points: Sequence[StokesPoint]) -> Sequence[Step]:
+        """The steps of the next direction, when these points have been measured; none at the end."""
+        self._last = self._fit(points) if points else None
+        judgement = judge(self._last, self._wanted) if self._last and self._wanted else None
+        if judgement is not None and judgement.is_reached:
+            self.reason = f"wanted standard errors reached: {judgement.standing}"
+            return ()
+        elapsed_s = self._elapsed_s()
+        unmet = () if judgement is None else judgement.unmet
+        left_s = self._limit_s - elapsed_s
+        visit = self._choose(Situation(points, self._last, unmet, self._here, elapsed_s, left_s))
+        steps = self._visits.steps(len(points), visit.exit_deg, visit.readings, self._here) if visit else ()
+        if visit is None or sum(step.duration_s for step in steps) > left_s:
+            self.reason = self._time_is_up(judgement)
+            return ()
+        self._here = steps[-1].target
+        standing = "" if judgement is None else judgement.standing
+        self._publish(DirectionChosen(len(points), visit.exit_deg, visit.readings, visit.why, standing))
+        return steps
+
+    def _elapsed_s(self) -> float:
+        if self._start_s is None:
+            self._start_s = self._clock.now()
+        return self._clock.now() - self._start_s
+
+    def _fit(self, points: Sequence[StokesPoint]) -> FitResult | None:
+        try:
+            result = self._searched(points)
+        except FitError as error:
+            self._refusal = str(error)
+        except Exception as error:  # noqa: BLE001 (a fault of the fit must not cost the scan its readings)
+            self._refusal = f"the fit has stopped: {type(error).__name__}: {error}"
+        else:
+            self._publish(FitUpdated(len(points), result))
+            return result
+        self._publish(FitRefused(len(points), self._refusal))
+        return None
+
+    def _searched(self, points: Sequence[StokesPoint]) -> FitResult:
+        """The best of all optima; along a list it is enough to follow the last one while nothing hangs on it."""
+        data, arguments = dataset(points), fit_arguments(self._recipe.fit)
+        if self._last is not None and not self._recipe.adaptive:
+            followed = fit(data, self._family, start=self._last.values, **arguments)
+            if not misfit(followed) and not judge(followed, self._wanted).is_reached:
+                return followed
+        return fit(data, self._family, **arguments)
+
+    def _time_is_up(self, judgement: Judgement | None) -> str:
+        ended = f"time limit of {self._limit_s:g} s"
+        if not self._wanted:
+            return ended
+        if judgement is None:
+            return f"{ended}: no wanted standard error is known, because {self._refusal}"
+        if judgement.doubts:
+            doubts = "; ".join(judgement.doubts)
+            return f"{ended}: {doubts}; so the standard errors are not to be trusted: {judgement.standing}"
+        return f"{ended}: wanted standard errors not reached: {judgement.standing}"

@@ -1,0 +1,176 @@
+"""The picture of a budget: standard errors against bench time, as the recipe is and after each change."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from goniometer.budget import Budget
+from goniometer.durations import clock_text
+from goniometer.errors import ConfigurationError
+from goniometer.forecast import Forecast
+from model.geometry import FloatArray
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+_DPI = 150
+_INK, _FAINT, _RULE = "#222222", "#6f6f6f", "#9a9a9a"
+# Okabe and Ito's palette, told apart with any colour vision
+_COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#8C6BB1")
+_STYLE: dict[Any, Any] = {
+    "font.size": 9.5,
+    "text.color": _INK,
+    "axes.labelcolor": _INK,
+    "axes.edgecolor": _RULE,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.axisbelow": True,
+    "xtick.color": _INK,
+    "ytick.color": _INK,
+    "grid.color": "#e4e4e4",
+    "grid.linewidth": 0.7,
+}
+_DESIGN = "#B00020"
+_THIN, _MEDIUM, _THICK = 1.2, 1.6, 2.4
+_LEFT = 0.06
+_DECADES_ABOVE = 3.0
+"""How far above its end a curve is shown: what a handful of directions leave open is of no interest."""
+_LABEL_GAP = 0.052
+_ROUNDS = 500
+_TICKS_S = (1, 2, 5, 10, 20, 30, 60, 120, 180, 300, 600, 1200, 1800, 3600, 7200, 14400, 36000, 86400)
+
+
+@dataclass(frozen=True, eq=False)
+class _Curve:
+    label: str
+    ends_s: FloatArray
+    stderr: FloatArray
+    colour: str
+    width: float = _MEDIUM
+
+
+def draw_budget(
+    path: Path, *, title: str, assumed: str, found: Budget, wanted: str | None, design: Forecast | None
+) -> None:
+    """Draw every parameter of the recipe as it is, and one of them after each change, as a PNG file.
+
+    Parameters
+    ----------
+    path : Path
+        The file; replaced if it exists.
+    title, assumed : str
+        The recipe's name, and the values that were assumed.
+    found : Budget
+        What is drawn.
+    wanted : str or None
+        The parameter that matters; None for the first of the recipe's.
+    design : Forecast or None
+        What comes of a designed recipe.
+
+    Raises
+    ------
+    ConfigurationError
+        The file cannot be written.
+    """
+    import matplotlib as mpl  # half a second that other commands do not need
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    now = found.now
+    with mpl.rc_context(_STYLE):
+        figure = Figure(figsize=(13.0, 5.6))
+        FigureCanvasAgg(figure)
+        left, right = figure.subplots(
+            1, 2, gridspec_kw={"left": _LEFT, "right": 0.8, "wspace": 0.55, "top": 0.8, "bottom": 0.11}
+        )
+        figure.text(_LEFT, 0.95, title, size=16, weight="bold", va="center", parse_math=False)
+        figure.text(_LEFT, 0.895, f"assumed: {assumed}", color=_FAINT, va="center", parse_math=False)
+        place = now.names.index(wanted) if wanted else 0
+        _draw(left, "Every parameter, with the recipe as it is", list(_parameters(now)))
+        _draw(right, f"{now.names[place]} with the recipe changed", list(_changes(found, place, design)))
+        left.set_ylabel("standard error")
+        try:
+            figure.savefig(path, format="png", dpi=_DPI)
+        except OSError as error:
+            raise ConfigurationError([f"{path} cannot be written: {error.strerror}. Choose another name."]) from error
+
+
+def _parameters(now: Forecast) -> Iterator[_Curve]:
+    for place, (name, colour) in enumerate(zip(now.names, itertools.cycle(_COLOURS), strict=False)):
+        yield _Curve(name, now.ends_s, now.stderr[:, place], colour)
+
+
+def _changes(found: Budget, place: int, design: Forecast | None) -> Iterator[_Curve]:
+    for outcome, colour in zip(found.outcomes, itertools.cycle(_COLOURS), strict=False):
+        yield _Curve(outcome.words, outcome.forecast.ends_s, outcome.forecast.stderr[:, place], colour, _THIN)
+    yield _Curve("as the recipe is", found.now.ends_s, found.now.stderr[:, place], _INK, _THICK)
+    if design is not None:
+        yield _Curve("the design", design.ends_s, design.stderr[:, place], _DESIGN, _THICK)
+
+
+def _draw(axes: Axes, title: str, curves: Sequence[_Curve]) -> None:
+    from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
+
+    axes.set_title(title, loc="left", size=10.5, weight="bold", pad=10)
+    axes.set(xscale="log", yscale="log", xlabel="bench time, min:s")
+    axes.grid(True, which="major")
+    shown = [curve for curve in curves if np.isfinite(curve.stderr[-1])]
+    if not shown:
+        axes.text(0.5, 0.5, "not determined", transform=axes.transAxes, ha="center", color=_FAINT)
+        return
+    for curve in shown:
+        seen = curve.stderr <= curve.stderr[-1] * 10.0**_DECADES_ABOVE
+        axes.plot(curve.ends_s[seen], curve.stderr[seen], color=curve.colour, lw=curve.width, solid_capstyle="round")
+        axes.plot(curve.ends_s[-1], curve.stderr[-1], "o", color=curve.colour, ms=4 + curve.width)
+    low, high = axes.get_xlim()
+    axes.xaxis.set_major_locator(FixedLocator([tick for tick in _TICKS_S if low <= tick <= high]))
+    axes.xaxis.set_minor_locator(NullLocator())
+    axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: clock_text(value)))
+    _label(axes, shown)
+
+
+def _label(axes: Axes, curves: Sequence[_Curve]) -> None:
+    """Name each curve beside the panel, at the height of its end but clear of the others."""
+    ends = axes.transAxes.inverted().transform(
+        axes.transData.transform([(curve.ends_s[-1], curve.stderr[-1]) for curve in curves])
+    )
+    heights = _apart(ends[:, 1])
+    for curve, end, height in zip(curves, ends, heights, strict=True):
+        axes.annotate(
+            f"{curve.label}   {curve.stderr[-1]:.2g}",
+            xy=end,
+            xytext=(1.04, height),
+            xycoords=axes.transAxes,
+            textcoords=axes.transAxes,
+            va="center",
+            color=curve.colour,
+            weight="bold" if curve.width == _THICK else "normal",
+            parse_math=False,
+            arrowprops={
+                "arrowstyle": "-",
+                "color": curve.colour,
+                "lw": 0.6,
+                "alpha": 0.5,
+                "shrinkA": 2,
+                "shrinkB": 4,
+                "relpos": (0.0, 0.5),
+            },
+        )
+
+
+def _apart(heights: FloatArray) -> FloatArray:
+    """Heights moved as little as leaves a gap between any two, in their order, and all within the panel."""
+    order = np.argsort(heights)
+    placed = heights[order]
+    for _ in range(_ROUNDS):
+        overlaps = np.maximum(_LABEL_GAP - np.diff(placed), 0.0) / 2.0
+        placed[:-1] -= overlaps
+        placed[1:] += overlaps
+        placed = np.clip(placed, 0.0, 1.0)
+    return placed[np.argsort(order)]

@@ -1,0 +1,91 @@
+"""What ``goniometer fit`` does with one input: read, fit, and say what was found."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from acquisition.fit_choice import FitChoice
+from acquisition.fit_points import dataset
+from acquisition.journal import FILE_NAME
+from acquisition.whole_file import written_whole
+from goniometer.errors import GoniometerError
+from goniometer.fit_input import fit_input, overridden, read_input, usual_choice, with_recipe
+from goniometer.fit_json import fit_json
+from goniometer.fit_summary import fit_summary
+from goniometer.run_folder import load, write_results
+from model.fit import Dataset, FitResult
+
+
+@dataclass(frozen=True)
+class Fitted:
+    """One fit with all that is said about it; `notes` are for the person at the terminal."""
+
+    path: Path
+    data: Dataset
+    choice: FitChoice
+    truth: Mapping[str, float]
+    result: FitResult
+    notes: tuple[str, ...] = ()
+
+    def summary(self) -> str:
+        """The fit in words and numbers."""
+        return fit_summary(self.result, self.truth, self.data)
+
+    def json_text(self) -> str:
+        """The fit as JSON."""
+        return fit_json(self.result, self.choice, self.truth, input=str(self.path), rows=len(self.data))
+
+    def write_json(self, path: Path) -> None:
+        """Write the fit as JSON into a file, which is replaced as a whole."""
+        with written_whole(path) as part:
+            part.write_text(self.json_text(), encoding="utf-8")
+
+
+def fit_one(path: Path, recipe: Path | None = None, changes: Mapping[str, Any] | None = None) -> Fitted:
+    """Fit a run, a NeXus file or a table.
+
+    A run that is fitted as its own recipe says gets its results written anew; otherwise nothing is written.
+
+    Parameters
+    ----------
+    path : Path
+        What to fit.
+    recipe : Path, optional
+        A file whose fit section counts in place of the input's own.
+    changes : mapping of str to Any, optional
+        Keys of the fit section that are changed.
+
+    Raises
+    ------
+    GoniometerError
+        If the input or the recipe cannot be used, or the data cannot determine what is asked for.
+    """
+    if recipe is None and not changes and (path.is_dir() or path.name == FILE_NAME):
+        return _fit_again(path)
+    given, notes = read_input(path), []
+    if recipe is not None:
+        given = with_recipe(given, recipe)
+    choice = given.choice
+    if choice is None:
+        choice = usual_choice(given.data)
+        bounds = ", ".join(f"{name} {low:g} to {high:g}" for name, (low, high) in choice.free.items())
+        notes.append(
+            f"{path} does not say what to fit. Fitted are the lobes {', '.join(choice.lobes)}, with {bounds} and free "
+            "weights. Say otherwise with --recipe."
+        )
+    choice = overridden(choice, **changes or {})
+    return Fitted(path, given.data, choice, given.truth, fit_input(given, choice), tuple(notes))
+
+
+def _fit_again(path: Path) -> Fitted:
+    stored = load(path)
+    notes = tuple(f"wrote {written}" for written in write_results(stored))
+    if stored.fit is None:
+        error = GoniometerError(f"{stored.folder}: {len(stored.points)} points could not be fitted: {stored.refusal}")
+        for note in notes:
+            error.add_note(note)
+        raise error
+    return Fitted(stored.folder, dataset(stored.points), stored.recipe.fit, stored.truth, stored.fit, notes)

@@ -1,0 +1,84 @@
+"""Where fits of pixels begin."""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+import numpy as np
+
+from model.fit.family import SurfaceFamily
+from model.fit.pixels import Block
+from model.fit.problem import Places, Problem
+from model.fit.shared_light import SharedLight
+from model.fit.start import _Box, sobol_starts
+from model.geometry import FloatArray
+
+# How far, as a share of its range, a start is moved off a bound: at k = 0 the slope by k is 0 whatever the data say.
+_OFF_BOUND = 0.02
+
+
+class Search(Protocol):
+    """Finds starts."""
+
+    def starts(self, problem: Problem, which: Places, block: Block, count: int) -> FloatArray:
+        """The best few starts (b, count, P), best first, for sets of data of these numbers, which the block holds."""
+
+
+class OwnSearch:
+    """A search for every pixel by itself.
+
+    Parameters
+    ----------
+    seed : int
+        Of the low-discrepancy points.
+    """
+
+    def __init__(self, seed: int) -> None:
+        self._seed = seed
+
+    def starts(self, problem: Problem, which: Places, block: Block, count: int) -> FloatArray:
+        """The best few starts; see `Search`."""
+        return sobol_starts(problem, which, count, self._seed)
+
+
+class SharedSearch:
+    """A search for pixels that share directions, among points whose light is found once.
+
+    Parameters
+    ----------
+    problem : Problem
+        Any of these pixels.
+    seed : int
+        Of the low-discrepancy points.
+    further : ndarray, optional
+        Points (Q, P) to join them: where fits of some pixels ended.
+    """
+
+    def __init__(self, problem: Problem, seed: int, further: FloatArray | None = None) -> None:
+        points = _Box(problem).spread(seed)
+        if further is not None:
+            points = np.concatenate([points, off_bounds(problem.family, further)])
+        self._light = SharedLight(problem, points)
+
+    def starts(self, problem: Problem, which: Places, block: Block, count: int) -> FloatArray:
+        """The best few starts; see `Search`."""
+        if block.measured.all():
+            return self._light.best(block.values, block.whitener.mean(axis=0), count)
+        starts = np.empty((len(which), count, len(problem.low)))
+        # What is missing changes which weights are best: those that miss the same are looked at together.
+        patterns, kind = np.unique(block.measured, axis=0, return_inverse=True)
+        for number in range(len(patterns)):
+            alike = np.flatnonzero(kind.reshape(-1) == number)
+            starts[alike] = self._light.best(block.values[alike], block.whitener[alike].mean(axis=0), count)
+        return starts
+
+
+def off_bounds(family: SurfaceFamily, x: FloatArray) -> FloatArray:
+    """Points (b, P), where those that have a shape at its bound have it a little within."""
+    x = x.copy()
+    for name in family.shapes:
+        place, (low, high) = family.names.index(name), family.free[name]
+        margin = _OFF_BOUND * (high - low)
+        at = x[:, place]
+        x[:, place] = np.where(at <= low, low + margin, np.where(at >= high, high - margin, at))
+    return x

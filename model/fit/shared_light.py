@@ -1,0 +1,103 @@
+"""Starts for many fits whose data were measured in the same directions: the light of the points is the same for all."""
+
+from __future__ import annotations
+
+from itertools import combinations
+
+import numpy as np
+
+from model.fit.problem import Problem, whitened
+from model.geometry import FloatArray
+
+_RIDGE = 1e-13
+_DARK = 1e-12
+_AT_ONCE = 32
+
+
+class SharedLight:
+    """The light of points of a family's parameters, ready to be compared with many sets of data.
+
+    Parameters
+    ----------
+    problem : Problem
+        Any with these directions; only what it says of light counts.
+    points : ndarray
+        Shape (Q, P); what they hold for weights does not count where the light is linear in these.
+    """
+
+    def __init__(self, problem: Problem, points: FloatArray) -> None:
+        family = problem.family
+        linear = problem.observable.is_linear
+        self._places = [family.names.index(name) for name in family.weights] if linear else []
+        self._points = points.copy()
+        self._points[:, self._places] = 0.0
+        self._low, self._high = problem.low[self._places], problem.high[self._places]
+        first = np.zeros(_AT_ONCE, np.int64)
+        held, columns = [], []
+        for at in range(0, len(points), _AT_ONCE):
+            some = self._points[at : at + _AT_ONCE]
+            light, slopes = problem.light(some, first[: len(some)])
+            held.append(light)
+            columns.append(slopes[:, self._places])
+        self._held, self._columns = np.concatenate(held), np.concatenate(columns)
+
+    def best(self, values: FloatArray, whitener: FloatArray, count: int) -> FloatArray:
+        """The best points, with the best weights, for sets of values.
+
+        Parameters
+        ----------
+        values : ndarray
+            Shape (b, M, N).
+        whitener : ndarray
+            Shape (M, M, N): what is about right for all of them; starts need no more.
+        count : int
+            How many points for each.
+
+        Returns
+        -------
+        ndarray
+            Shape (b, count, P), best first.
+        """
+        sets, points = len(values), len(self._points)
+        target = whitened(whitener, values).reshape(sets, -1)
+        held = whitened(whitener, self._held).reshape(points, -1)
+        columns = whitened(whitener, self._columns).reshape(points, len(self._places), target.shape[1])
+        lengths = np.sqrt(np.einsum("qlr,qlr->ql", columns, columns))
+        seen = lengths > _DARK * lengths.max(axis=1, initial=0.0, keepdims=True)
+        unit = np.where(seen, 1.0 / np.where(seen, lengths, 1.0), 0.0)
+        columns = columns * unit[:, :, None]
+        right = [target @ columns[:, i].T - (columns[:, i] * held).sum(axis=1) for i in range(len(self._places))]
+        weights, explained = _non_negative(columns @ columns.swapaxes(1, 2), right, (sets, points))
+        cost = (held * held).sum(axis=1) - 2.0 * target @ held.T - explained
+        cost = np.where(np.isfinite(cost), cost, np.inf)
+        chosen = np.argsort(cost, axis=1)[:, :count] if count > 1 else np.argmin(cost, axis=1)[:, None]
+        starts = self._points[chosen]
+        for i, place in enumerate(self._places):
+            found = np.take_along_axis(weights[i], chosen, axis=1) * unit[chosen, i]
+            starts[:, :, place] = np.clip(found, self._low[i], self._high[i])
+        return starts
+
+
+def _non_negative(
+    gram: FloatArray, right: list[FloatArray], shape: tuple[int, int]
+) -> tuple[list[FloatArray], FloatArray]:
+    """Weights w >= 0 that minimise w·gram·w - 2 right·w, and how much lower than 0 that is.
+
+    The matrices (Q, L, L) are shared by all sets, so that every choice of weights above 0 is solved for once and then
+    only multiplied; arrays hold one weight each for all sets and points, (b, Q).
+    """
+    weights = [np.zeros(shape) for _ in right]
+    explained = np.zeros(shape)
+    for size in range(1, len(right) + 1):
+        for some in combinations(range(len(right)), size):
+            inverse = np.linalg.inv(gram[np.ix_(range(len(gram)), some, some)] + _RIDGE * np.eye(size))
+            found = [sum(inverse[:, i, j] * right[other] for j, other in enumerate(some)) for i in range(size)]
+            value = sum(weight * right[one] for weight, one in zip(found, some, strict=True))
+            better = value > explained
+            for weight in found:
+                better &= weight >= 0.0
+            explained = np.where(better, value, explained)
+            for one in range(len(right)):
+                taken = found[some.index(one)] if one in some else 0.0
+                weights[one] = np.where(better, taken, weights[one])
+    return weights, explained

@@ -1,0 +1,108 @@
+"""What is predicted of readings is what becomes of them: powers, covariances, lamp references."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from acquisition.expand import Slots, expand
+from acquisition.expected_noise import Detection, expected_covariance, expected_points, expected_readings
+from acquisition.recipe import Recipe
+from acquisition.reduce import NoiseModel, Radiometry, Reduction
+from acquisition.timing import AnalyzerTiming, AxisTiming, BenchTiming
+
+SLOTS = Slots(polarizers={0.0: 2, 45.0: 3, 90.0: 4, 135.0: 5}, offset_deg=10.0, blocked=6, open=1)
+ARM = AxisTiming(velocity_deg_s=20, acceleration_deg_s2=80, settle_s=0.05)
+TIMING = BenchTiming(ARM, ARM, ARM, AnalyzerTiming(slots=6, slot_s=0.5, settle_s=0.05))
+DETECTION = Detection(Radiometry(1e-4, 1e-4), NoiseModel(2e-11, 0.003, shot=True, wavelength_nm=550.0), dark_w=2e-10)
+STOKES = np.array([0.3, 0.12, -0.05])
+SETTING = {"analyzer_deg": [10.0, 55.0, 100.0, 145.0], "exposure_s": 0.03}
+
+
+def light(incidence_deg, exit_deg):
+    return np.outer(1.0 + exit_deg / 60.0, STOKES)
+
+
+def steps_of(**changes):
+    recipe = {
+        "recipe": "x",
+        "rig": "rig.yaml",
+        "wavelength_nm": 550.0,
+        "incidence_deg": 60.0,
+        "exit_deg": [0.0, 20.0, 40.0],
+        "analyzer_deg": [0.0, 45.0, 90.0, 135.0],
+        "readings": [2, 3, 5],
+        "exposure_s": 0.03,
+        "fit": {"lobes": ["diffuse"], "free": {"sigma": [0.1, 1.0]}},
+    }
+    return expand(Recipe.model_validate({**recipe, **changes}), SLOTS, TIMING)
+
+
+REFERENCE = {"exit_deg": 30.0, "every_points": 2}
+
+
+@pytest.mark.parametrize("changes", [{}, {"dark": False}, {"reference": REFERENCE}])
+def test_expected_readings_reduce_to_the_light_that_they_are_of(changes):
+    detection = DETECTION if changes.get("dark", True) else replace(DETECTION, dark_w=0.0)
+    for point in expected_points(steps_of(**changes), light, detection):
+        assert_allclose(point.stokes, light(60.0, np.array([point.exit_deg]))[0], rtol=1e-9)
+
+
+def test_readings_follow_each_other_within_their_steps():
+    steps = steps_of(reference=REFERENCE)
+    readings = expected_readings(steps, light, DETECTION)
+    times_s = [reading.time_s for reading in readings]
+    assert len(readings) == sum(step.readings for step in steps)
+    assert (np.diff(times_s) >= 0.03).all()
+    assert 0.0 < times_s[0] < times_s[-1] < sum(step.duration_s for step in steps)
+
+
+def test_the_covariance_of_a_direction_is_that_of_the_scan():
+    for point, readings in zip(expected_points(steps_of(), light, DETECTION), (2, 3, 5), strict=True):
+        alone = expected_covariance(point.stokes, point.exit_deg, DETECTION, readings=readings, **SETTING)
+        assert_allclose(alone, point.covariance, rtol=1e-9, atol=1e-18)
+
+
+def test_the_covariance_goes_with_readings_and_exposure():
+    once = expected_covariance(STOKES, 20.0, DETECTION, **SETTING)
+    assert_allclose(
+        expected_covariance(STOKES, 20.0, DETECTION, readings=7, **SETTING), once / 7.0, rtol=1e-9, atol=1e-18
+    )
+    longer = expected_covariance(STOKES, 20.0, DETECTION, **{**SETTING, "exposure_s": 0.21})
+    assert_allclose(longer, once / 7.0, rtol=1e-9, atol=1e-18)
+
+
+@pytest.mark.parametrize("has_dark", [True, False])
+def test_the_covariance_is_the_scatter_of_noisy_readings(has_dark):
+    """Photons are counted and read noise is added here, without the noise model; photons matter at this power."""
+    bright = Detection(Radiometry(1e-4, 1e-4), NoiseModel(2e-14, 0.003, True, 550.0), 2e-12 * has_dark)
+    (direction,) = (steps_of(exit_deg=[20.0], readings=4, dark=has_dark),)
+    readings = expected_readings(direction, light, bright)
+    random = np.random.default_rng(3)
+    reduction = Reduction(bright.radiometry, bright.noise, has_dark=has_dark)
+    photon_w = 6.62607015e-34 * 299792458.0 / 550e-9 / 0.03
+
+    def noisy(reading):
+        counted_w = random.poisson(reading.power_w / photon_w) * photon_w
+        return replace(reading, power_w=counted_w + random.normal(0.0, 2e-14 * np.sqrt(0.1)))
+
+    scattered = [reduction.scan([noisy(reading) for reading in readings])[0].stokes for _ in range(1500)]
+    stokes = light(60.0, np.array([20.0]))[0]
+    expected = expected_covariance(stokes, 20.0, bright, readings=4, has_dark=has_dark, **SETTING)
+    root = np.linalg.inv(np.linalg.cholesky(expected))
+    assert_allclose(root @ np.cov(scattered, rowvar=False) @ root.T, np.eye(3), atol=0.15)
+
+
+def test_references_add_the_lamps_uncertainty():
+    """It scales the whole Stokes vector, and grows with the distance from the first reference."""
+    plain = expected_points(steps_of(readings=3), light, DETECTION)
+    followed = expected_points(steps_of(readings=3, reference=REFERENCE), light, DETECTION)
+    relative = []
+    for without, with_reference in zip(plain, followed, strict=True):
+        added = with_reference.covariance - without.covariance
+        assert_allclose(
+            added, added[0, 0] * np.outer(without.stokes, without.stokes) / without.stokes[0] ** 2, rtol=1e-6
+        )
+        relative.append(added[0, 0] / without.stokes[0] ** 2)
+    assert 0.0 < relative[0] < relative[1] < relative[2]
