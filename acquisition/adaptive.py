@@ -20,8 +20,11 @@ from model.fit.information import information, prior_information, standard_error
 from model.geometry import FloatArray
 
 _FEWEST_AT_FIRST = 4
-_ELSEWHERE = 1 / 20
+_ELSEWHERE = 1 / 30
 """Share of the time that goes into directions far from all that were measured."""
+
+_LONGEST = 2.0
+"""Longest stay, in units of the scan so far: while little is known, little is staked on it."""
 
 _DECISIVE = 9.0
 """Difference of chi-square that decides between two optima."""
@@ -50,7 +53,7 @@ class Adaptive:
 
     A few directions spread over all of them come first. Then the rest of the time, or as much as is needed for what is
     wanted, is planned for the sample as it is known so far, and of the plan's stays the one is taken in which most of
-    the time goes into readings. After it the plan is made anew. No stay lasts longer than the scan so far.
+    the time goes into readings. After it the plan is made anew. No stay lasts longer than twice the scan so far.
 
     Parameters
     ----------
@@ -102,7 +105,7 @@ class Adaptive:
         visit_s = np.array([duration_s(angle_deg, 0) for angle_deg in exit_deg.tolist()])
         reading_s = duration_s(float(exit_deg[0]), 1) - float(visit_s[0])
         fits = visit_s + self._fewest * reading_s <= now.left_s
-        return _Candidates(exit_deg[fits], visit_s[fits], reading_s, self._fewest, now.elapsed_s, now.left_s)
+        return _Candidates(exit_deg[fits], visit_s[fits], reading_s, self._fewest, _LONGEST * now.elapsed_s, now.left_s)
 
     def _light_and_noise(self, result: FitResult, exit_deg: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Light (N, 3) of the fitted surface, and the covariance (N, 3, 3) of one reading in every slot."""

@@ -83,10 +83,10 @@ def surface_family(choice: FitChoice, acceptance_sr: float | None) -> SurfaceFam
         half_angle = half_angle_rad(acceptance_sr)
     return lobe_family(
         choice.lobes,
-        free={_model_name(name): _pair_in_radians(name, bounds) for name, bounds in choice.free.items()},
-        fixed={_model_name(name): float(in_radians(name, value)) for name, value in choice.fixed.items()},
+        free={model_name(name): _pair_in_radians(name, bounds) for name, bounds in choice.free.items()},
+        fixed={model_name(name): float(in_radians(name, value)) for name, value in choice.fixed.items()},
         tied={name: (other, factor) for name, (other, factor) in choice.tied.items()},
-        prior={_model_name(name): _pair_in_radians(name, known) for name, known in choice.prior.items()},
+        prior={model_name(name): _pair_in_radians(name, known) for name, known in choice.prior.items()},
         bounces=choice.bounces,
         detector_half_angle_rad=half_angle,
     )
@@ -126,7 +126,8 @@ def in_degrees(result: FitResult) -> FitResult:
     )
 
 
-def _model_name(name: str) -> str:
+def model_name(name: str) -> str:
+    """What the model calls a parameter that people name."""
     return name.removesuffix(_DEG) + _RAD if name.endswith(_DEG) else name
 
 

@@ -106,6 +106,8 @@ def simulate(scene: Path, speed: Speed) -> None:
 )
 @click.option("--robust", is_flag=True, help="Let outliers count less.")
 @click.option("--search", type=click.Choice(["sobol", "genetic"]), help="How starting values are found.")
+@click.option("--profile", "profiled", multiple=True, metavar="NAME", help="Follow the likelihood of a parameter, too.")
+@click.option("--bootstrap", type=click.IntRange(2, 100_000), metavar="N", help="Fit data made anew N times, too.")
 @click.option("--json", "as_json", is_flag=True, help="Print the fit as JSON.")
 @click.option("--out", type=_FILE, help="Write the fit as JSON into this file, too; of many, a .csv or .parquet table.")
 @click.option("--workers", type=click.IntRange(1), help="Many inputs: how many processes; one a core by default.")
@@ -117,6 +119,8 @@ def fit(
     objective: str | None,
     robust: bool,
     search: str | None,
+    profiled: tuple[str, ...],
+    bootstrap: int | None,
     as_json: bool,
     out: Path | None,
     workers: int | None,
@@ -131,8 +135,10 @@ def fit(
     changes = {"objective": objective, "robust": robust or None, "search": search}
     changes = {key: value for key, value in changes.items() if value is not None}
     if len(paths) > 1 or workers or scheduler or resume or (out and out.suffix.lower() in (".csv", ".parquet")):
-        if out is None or as_json:
-            raise click.UsageError("Many inputs become one table: name its file with --out, and leave --json out.")
+        if out is None or as_json or profiled or bootstrap:
+            raise click.UsageError(
+                "Many inputs become one table: name its file with --out; leave --json, --profile and --bootstrap out."
+            )
         if workers and scheduler:
             raise click.UsageError("--workers and --scheduler exclude each other: choose one.")
         from goniometer.fit_many import fit_files
@@ -146,7 +152,7 @@ def fit(
         return
     from goniometer.fit_command import fit_one
 
-    fitted = fit_one(paths[0], recipe, changes)
+    fitted = fit_one(paths[0], recipe, changes, profiled=profiled, bootstrapped=bootstrap or 0)
     for note in fitted.notes:
         click.echo(note, err=True)
     if out is not None:

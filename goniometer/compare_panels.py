@@ -26,7 +26,7 @@ _BELOW = 3.0
 _LINEAR = 3.0
 """Residuals in standard errors up to which a strip is linear; beyond it is logarithmic."""
 _ROUNDS = 500
-_SCAN_NAME: dict[str, Any] = {"ha": "right", "va": "center", "size": 8, "color": FAINT}
+_SCAN_NAME: dict[str, Any] = {"size": 8, "color": FAINT, "zorder": 21}
 
 
 @dataclass(frozen=True)
@@ -106,8 +106,8 @@ def draw_curves(axes: Axes, quantity: Quantity, lines: Mapping[str, Line], scans
         measured = quantity.measured[scan.rows]
         axes.errorbar(scan.exit_deg, measured, stderr, fmt="o", color=INK, ms=3, mew=0, elinewidth=0.8, zorder=20)
         if len(scans) > 1:
-            at = (scan.exit_deg[0], measured[0])
-            axes.annotate(f"{scan.incidence_deg:.4g}°", at, (-5, 0), textcoords="offset points", **_SCAN_NAME)
+            at = (scan.exit_deg[-1], measured[-1])
+            axes.annotate(f"{scan.incidence_deg:.4g}°", at, (4, 5), textcoords="offset points", **_SCAN_NAME)
     axes.set_title(quantity.title, loc="left", size=10.5, weight="bold", pad=10)
     axes.set_ylim(*_limits(quantity))
     hidden = _hidden(quantity)

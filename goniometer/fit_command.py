@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +13,7 @@ from acquisition.journal import FILE_NAME
 from acquisition.whole_file import written_whole
 from goniometer.errors import GoniometerError
 from goniometer.fit_input import fit_input, overridden, read_input, usual_choice, with_recipe
+from goniometer.fit_intervals import Intervals, intervals
 from goniometer.fit_json import fit_json
 from goniometer.fit_summary import fit_summary
 from goniometer.run_folder import load, write_results
@@ -28,15 +29,17 @@ class Fitted:
     choice: FitChoice
     truth: Mapping[str, float]
     result: FitResult
+    intervals: Intervals = field(default_factory=Intervals)
     notes: tuple[str, ...] = ()
 
     def summary(self) -> str:
         """The fit in words and numbers."""
-        return fit_summary(self.result, self.truth, self.data)
+        return "\n".join([fit_summary(self.result, self.truth, self.data), *self.intervals.lines()])
 
     def json_text(self) -> str:
         """The fit as JSON."""
-        return fit_json(self.result, self.choice, self.truth, input=str(self.path), rows=len(self.data))
+        more = {"intervals": self.intervals} if self.intervals != Intervals() else {}
+        return fit_json(self.result, self.choice, self.truth, input=str(self.path), rows=len(self.data), **more)
 
     def write_json(self, path: Path) -> None:
         """Write the fit as JSON into a file, which is replaced as a whole."""
@@ -44,7 +47,14 @@ class Fitted:
             part.write_text(self.json_text(), encoding="utf-8")
 
 
-def fit_one(path: Path, recipe: Path | None = None, changes: Mapping[str, Any] | None = None) -> Fitted:
+def fit_one(
+    path: Path,
+    recipe: Path | None = None,
+    changes: Mapping[str, Any] | None = None,
+    *,
+    profiled: Sequence[str] = (),
+    bootstrapped: int = 0,
+) -> Fitted:
     """Fit a run, a NeXus file or a table.
 
     A run that is fitted as its own recipe says gets its results written anew; otherwise nothing is written.
@@ -57,6 +67,10 @@ def fit_one(path: Path, recipe: Path | None = None, changes: Mapping[str, Any] |
         A file whose fit section counts in place of the input's own.
     changes : mapping of str to Any, optional
         Keys of the fit section that are changed.
+    profiled : sequence of str
+        Parameters whose profile likelihood is wanted.
+    bootstrapped : int
+        How many fits to data made anew are wanted.
 
     Raises
     ------
@@ -64,7 +78,7 @@ def fit_one(path: Path, recipe: Path | None = None, changes: Mapping[str, Any] |
         If the input or the recipe cannot be used, or the data cannot determine what is asked for.
     """
     if recipe is None and not changes and (path.is_dir() or path.name == FILE_NAME):
-        return _fit_again(path)
+        return _fit_again(path, profiled, bootstrapped)
     given, notes = read_input(path), []
     if recipe is not None:
         given = with_recipe(given, recipe)
@@ -77,10 +91,12 @@ def fit_one(path: Path, recipe: Path | None = None, changes: Mapping[str, Any] |
             "weights. Say otherwise with --recipe."
         )
     choice = overridden(choice, **changes or {})
-    return Fitted(path, given.data, choice, given.truth, fit_input(given, choice), tuple(notes))
+    result = fit_input(given, choice)
+    found = intervals(given.data, choice, given.acceptance_sr, result, profiled, bootstrapped)
+    return Fitted(path, given.data, choice, given.truth, result, found, tuple(notes))
 
 
-def _fit_again(path: Path) -> Fitted:
+def _fit_again(path: Path, profiled: Sequence[str], bootstrapped: int) -> Fitted:
     stored = load(path)
     notes = tuple(f"wrote {written}" for written in write_results(stored))
     if stored.fit is None:
@@ -88,4 +104,7 @@ def _fit_again(path: Path) -> Fitted:
         for note in notes:
             error.add_note(note)
         raise error
-    return Fitted(stored.folder, dataset(stored.points), stored.recipe.fit, stored.truth, stored.fit, notes)
+    data, choice = dataset(stored.points), stored.recipe.fit
+    acceptance_sr = stored.rig.calibration.acceptance_sr
+    found = intervals(data, choice, acceptance_sr, stored.fit, profiled, bootstrapped)
+    return Fitted(stored.folder, data, choice, stored.truth, stored.fit, found, notes)

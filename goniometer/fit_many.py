@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -90,24 +90,29 @@ def fit_files(
             ]
         )
     inputs = {path: Input.now(path) for path in paths}
-    with ProgressFile(kept, asked) as done:
-        rows = {path: row for path, given in inputs.items() if (row := done.row(given)) is not None}
-        left = [path for path in inputs if path not in rows]
-        try:
-            with _progress(terminal, len(rows), len(inputs)) as advance:
-                for path, row in _fitted(left, asked, workers, scheduler):
-                    done.keep(inputs[path], row)
-                    rows[path] = row
-                    advance()
-        except (GoniometerError, KeyboardInterrupt) as error:
-            how = f"{len(rows)} of {len(inputs)} inputs are done, and stored in {kept}. Go on with --resume."
-            if isinstance(error, KeyboardInterrupt):
-                print(how, file=terminal)  # nobody shows its notes
-            error.add_note(how)
-            raise
+    done = ProgressFile(kept, asked)
+    rows = _stored(done, inputs)
+    left = [path for path in inputs if path not in rows]
+    try:
+        with done, _progress(terminal, len(rows), len(inputs)) as advance:
+            for path, row in _fitted(left, asked, workers, scheduler):
+                done.keep(inputs[path], row)
+                rows[path] = row
+                advance()
+    except (GoniometerError, KeyboardInterrupt) as error:
+        with ProgressFile(kept, asked) as stored:
+            how = f"{len(_stored(stored, inputs))} of {len(inputs)} inputs are done, and stored in {kept}."
+        if isinstance(error, KeyboardInterrupt):
+            print(how, "Go on with --resume.", file=terminal)  # nobody shows its notes
+        error.add_note(f"{how} Go on with --resume.")
+        raise
     pairs = [(path, rows[path]) for path in paths]
     write_table(out, pairs)
     return ManyFitted(out, Counter(row["status"] for _, row in pairs), tuple(_troubles(pairs)))
+
+
+def _stored(done: ProgressFile, inputs: Mapping[Path, Input]) -> dict[Path, Row]:
+    return {path: row for path, given in inputs.items() if (row := done.row(given)) is not None}
 
 
 def _fitted(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import hashlib
 import json
 import os
@@ -62,7 +63,7 @@ class ProgressFile:
         self._done: dict[tuple[Any, ...], Row] = {}
         try:
             lines = self._whole_lines() if path.exists() else []
-            self._file = path.open("a", encoding="utf-8", newline="\n")
+            self._file = path.open("ab", buffering=0)
         except OSError as error:
             raise self._trouble("opened", error) from error
         for number, text in enumerate(lines, start=1):
@@ -90,9 +91,10 @@ class ProgressFile:
             If the disk does not take it.
         """
         line = {**self._about(given), "row": row}
+        text = (json.dumps(line, ensure_ascii=False, allow_nan=False) + "\n").encode()
         try:
-            self._file.write(json.dumps(line, ensure_ascii=False, allow_nan=False) + "\n")
-            self._file.flush()
+            if self._file.write(text) != len(text):
+                raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
             os.fsync(self._file.fileno())
         except OSError as error:
             raise self._trouble("written", error) from error

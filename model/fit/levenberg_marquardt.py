@@ -152,11 +152,11 @@ def _solved(
     normal: FloatArray, damping: FloatArray, right: FloatArray, free: NDArray[np.bool_], scale: FloatArray
 ) -> FloatArray:
     # Unit columns keep the equations of quantities of very different size solvable; what is not free does not move.
-    unit = np.where(free, 1.0 / np.sqrt(np.where(free, scale, 1.0)), 0.0)
-    matrix = normal * (unit[:, :, None] * unit[:, None, :])
+    unit = 1.0 / np.sqrt(np.where(free, scale, 1.0))
+    matrix = np.where(free[:, :, None] & free[:, None, :], normal, 0.0) * (unit[:, :, None] * unit[:, None, :])
     diagonal = np.einsum("bpp->bp", matrix)
     diagonal += np.where(free, damping[:, None], 1.0)
-    step: FloatArray = np.linalg.solve(matrix, (right * unit)[..., None])[..., 0] * unit
+    step: FloatArray = np.linalg.solve(matrix, np.where(free, right * unit, 0.0)[..., None])[..., 0] * unit
     return step
 
 

@@ -36,7 +36,7 @@ _WEIGHT = Quantity("weight of a lobe", 0.0, math.inf, (0.0, math.inf))
 SURFACE = {
     "sigma": Quantity("rms slope of the surface", 1e-5, 1e5, (0.01, 2.0), logarithmic=True),
     "alpha": Quantity("width of GGX slopes", 1e-5, 1e5, (0.01, 2.0), logarithmic=True),
-    "n": Quantity("real part of the refractive index", 1e-3, 1e3, (0.02, 8.0)),
+    "n": Quantity("real part of the refractive index", 1e-3, 1e3, (0.05, 8.0)),
     "k": Quantity("imaginary part of the refractive index", 0.0, 1e3, (0.0, 12.0)),
     "asymmetry": Quantity("asymmetry of the grooves", 0.0, 0.999, (0.0, 0.9)),
     "rho_s": _WEIGHT,

@@ -298,3 +298,32 @@ def test_the_page_on_fits_names_every_column_and_its_example_is_valid(tmp_path: 
     assert [name for name in columns if f"`{name}`" not in page] == []
     (tmp_path / "fit.yaml").write_text(page.partition("```yaml\n")[2].partition("```")[0])
     assert choice_from(tmp_path / "fit.yaml").tied == {"k": ("n", 1.0)}
+
+
+def test_profile_and_bootstrap_say_intervals_in_the_units_of_the_recipe(run: StoredRun, command: Command) -> None:
+    csv = run.folder / "stokes.csv"
+    recipe = run.folder.parent / "offset.yaml"
+    recipe.write_text(
+        "fit: {lobes: [specular, diffuse, directional], free: {sigma: [0.02, 1.0], n: [1.0, 6.0], "
+        "k: [0.0, 8.0], exit_offset_deg: [-1.0, 1.0]}}\n",
+        encoding="utf-8",
+    )
+    wanted = ("--profile", "exit_offset_deg", "--bootstrap", 300)
+    code, out, err = command(csv, "--recipe", recipe, *wanted, "--json")
+    assert code == 0, err
+    found = json.loads(out)
+    estimate = found["parameters"]["exit_offset_deg"]
+    expected = [estimate["value"] + side * 1.96 * estimate["stderr"] for side in (-1, 1)]
+    atol = 0.3 * estimate["stderr"]
+    assert_allclose(found["intervals"]["profiles"]["exit_offset_deg"], expected, atol=atol)
+    assert_allclose(found["intervals"]["scatter"]["exit_offset_deg"], expected, atol=2.0 * atol)
+    assert_allclose(found["intervals"]["scatter_stderr"]["n"], found["parameters"]["n"]["stderr"], rtol=0.2)
+    code, out, _ = command(csv, "--recipe", recipe, *wanted)
+    assert "exit_offset_deg: from" in out
+    assert "300 fits to data made anew" in out
+    code, _, err = command(csv, "--profile", "alpha")
+    assert code == 2
+    assert "--profile alpha: the fit has sigma, n, k" in err
+    code, _, err = command(csv, "--profile", "n", "--robust")
+    assert code == 2
+    assert "no likelihood" in err

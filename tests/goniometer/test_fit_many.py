@@ -236,6 +236,8 @@ def test_a_full_disk_is_told_and_what_is_stored_stays(
 ) -> None:
     def full(file: int) -> None:
         if len(here) == 3:
+            kept = tmp_path / "fits.csv.done.jsonl"
+            os.truncate(kept, kept.stat().st_size - 5)
             raise OSError(28, "No space left on device")
 
     monkeypatch.setattr(os, "fsync", full)
@@ -294,7 +296,7 @@ def test_what_is_not_installed_is_named_with_what_to_do(
 
 
 def test_processes_give_the_same_numbers_and_one_that_is_killed_loses_nothing(recipe: Path, tmp_path: Path) -> None:
-    paths = [tmp_path / f"scan{number}.csv" for number in range(12)]
+    paths = [tmp_path / f"scan{number}.csv" for number in range(5)]
     for number, path in enumerate(paths):
         write_scan(path, number)
     asked = Asked(recipe)
