@@ -24,8 +24,8 @@ StandardError = Annotated[float, Field(gt=0)]
 MAX_DIRECTIONS = 1_000_000
 """More exit angles than any scan has: a step that was mistyped is found before memory is full."""
 
-FEWEST_CHOICES, MOST_CHOICES = 4, 1000
-"""Exit angles among which an adaptive scan chooses: fewer are no choice, more take longer to weigh than to measure."""
+FEWEST_CHOICES, MOST_CHOICES = 4, 200
+"""Exit angles among which an adaptive scan chooses: fewer are no choice, more take longer to weigh than is worth it."""
 
 _GRID_TOLERANCE_DEG = 1e-9
 _BY_PARAMETER: dict[str, Any] = {

@@ -2,21 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from itertools import groupby
 
 from acquisition.expand import Step
+from acquisition.recipe import Recipe
 from goniometer.durations import clock_text
 from goniometer.load_files import Setup
-from goniometer.planning import plan
+from goniometer.planning import aim, beginning
 
 
 def describe_plan(setup: Setup) -> str:
-    """The steps of a recipe, a line a direction, with the time at which each ends."""
-    steps = plan(setup.recipe, setup.rig)
-    total_s = sum(step.duration_s for step in steps)
+    """The steps of a recipe, a line a direction, with the time at which each ends; as far as they are known."""
+    steps = beginning(setup.recipe, setup.rig)
     lines = [
-        f"{setup.recipe.recipe}: {len({step.point for step in steps})} directions, {len(steps)} steps, "
-        f"{sum(step.readings for step in steps)} readings, {clock_text(total_s)}",
+        *_heading(setup.recipe, steps),
         f"rig: {setup.rig.rig} ({setup.rig_path})",
         "",
         " point  incidence     exit  azimuth  analyzer slots       ends at",
@@ -26,7 +26,34 @@ def describe_plan(setup: Setup) -> str:
         of_point = list(group)
         elapsed_s += sum(step.duration_s for step in of_point)
         lines.append(_line(point, of_point, elapsed_s) + ("  reference" if kind_is_reference else ""))
-    return "\n".join([*lines, "", "Nothing was moved."])
+    return "\n".join([*lines, *_outlook(setup.recipe, elapsed_s), "", "Nothing was moved."])
+
+
+def _heading(recipe: Recipe, steps: Sequence[Step]) -> list[str]:
+    total_s = sum(step.duration_s for step in steps)
+    amount = (
+        f"{len({step.point for step in steps})} directions, {len(steps)} steps, "
+        f"{sum(step.readings for step in steps)} readings, {clock_text(total_s)}"
+    )
+    if not recipe.is_steered:
+        return [f"{recipe.recipe}: {amount}"]
+    return [f"{recipe.recipe}: {aim(recipe)}", f"{'at first' if recipe.adaptive else 'one pass'}: {amount}"]
+
+
+def _outlook(recipe: Recipe, elapsed_s: float) -> list[str]:
+    """What follows the steps that are known beforehand."""
+    if recipe.time_limit_s is None:
+        return []
+    if elapsed_s > recipe.time_limit_s:
+        return ["", f"The time limit of {recipe.time_limit_s:g} s ends the scan before all of these are measured."]
+    if not recipe.adaptive:
+        return ["", "Then back again, and so on."]
+    exit_deg = sorted(set(recipe.exit_angles_deg()))
+    return [
+        "",
+        f"Then at whichever of {len(exit_deg)} exit angles from {exit_deg[0]:g}° to {exit_deg[-1]:g}° readings tell most "
+        f"per second, {recipe.readings_of_angles()[0]} or more in every slot.",
+    ]
 
 
 def _line(point: int, steps: list[Step], elapsed_s: float) -> str:

@@ -59,7 +59,7 @@ def fitted_on(scheduler: str, paths: Iterable[Path], asked: Asked) -> Iterator[t
             client.submit(fit_row, path.absolute(), asked, key=f"fit-{own}-{number}"): path
             for number, path in enumerate(paths)
         }
-        for future in as_completed(futures):
+        for future in as_completed(futures, loop=client.loop):
             if future.cancelled():
                 raise GoniometerError(f"The Dask scheduler {scheduler} is gone. What is done is stored.")
             fault = future.exception() if future.status == "error" else None

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from acquisition.adaptive import Adaptive
+from acquisition.adaptive import Adaptive, first_exits_deg
 from acquisition.course import Choice, Course, Listed, passes
 from acquisition.events import Event
-from acquisition.expand import Slots, Step, Visits, expand
+from acquisition.expand import HOME, Slots, Step, Visits, expand
 from acquisition.expected_noise import Detection
 from acquisition.fit_points import surface_family
 from acquisition.recipe import Recipe
@@ -22,6 +22,19 @@ from goniometer.rig_file import AxisEntry, Rig
 def plan(recipe: Recipe, rig: Rig) -> tuple[Step, ...]:
     """The steps of a recipe on a rig, every exit angle once, with their durations."""
     return expand(recipe, slots(rig), timing(rig))
+
+
+def beginning(recipe: Recipe, rig: Rig) -> tuple[Step, ...]:
+    """The steps that are known beforehand: of an adaptive scan the first ones, else every exit angle once."""
+    if not recipe.adaptive:
+        return plan(recipe, rig)
+    visits = Visits(recipe, slots(rig), timing(rig))
+    steps: list[Step] = []
+    family = surface_family(recipe.fit, rig.calibration.acceptance_sr)
+    for point, exit_deg in enumerate(first_exits_deg(recipe, family)):
+        here = steps[-1].target if steps else HOME
+        steps += visits.steps(point, exit_deg, recipe.readings_of_angles()[0], here)
+    return tuple(steps)
 
 
 def course(recipe: Recipe, rig: Rig, clock: Clock, publish: Callable[[Event], None]) -> Course:

@@ -14,7 +14,7 @@ from model.fit.problem import Problem
 from model.fit.result import FitResult
 from model.geometry import FloatArray
 
-_AT_ONCE = 64
+_AT_ONCE, _MOST_STEPS = 64, 1000
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,7 +84,7 @@ def bootstrap(
     for first in range(0, count, _AT_ONCE):
         some = values[first : first + _AT_ONCE]
         problem = Problem(family, compared.observable, compared.directions, some, whitener)
-        ends = minimise(problem, np.repeat(start, len(some), axis=0), np.arange(len(some)))
+        ends = minimise(problem, np.repeat(start, len(some), axis=0), np.arange(len(some)), most_steps=_MOST_STEPS)
         if not ends.settled.all():
             raise FitError(
                 f"{int((~ends.settled).sum())} of {len(some)} bootstrap fits of {data.name} did not settle: the data "

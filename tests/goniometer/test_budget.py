@@ -15,6 +15,7 @@ import goniometer
 from acquisition.fit_points import dataset, fit_arguments, surface_family
 from acquisition.readings import Reading
 from acquisition.recipe import MAX_READINGS, Recipe
+from acquisition.timing import READING_POLL_S
 from goniometer.assumed_sample import assumed_sample
 from goniometer.budget import Budget, Outcome, budget
 from goniometer.budget_command import BudgetAsked, run_budget
@@ -343,6 +344,29 @@ def test_an_uncertain_sample_gets_a_design_for_all_that_it_may_be():
         [log_volume(setup, recipe, unsure, values) for values in unsure.samples()] for recipe in (for_all, for_sure)
     )
     assert np.mean(volumes) < np.mean(volumes_of_sure)
+
+
+@pytest.mark.parametrize("reference", [None, {"exit_deg": 60.0, "every_points": 10}])
+def test_a_design_sweeps_the_quicker_way_and_uses_its_time(tmp_path, reference):
+    """A reference at the far end makes it begin there; its readings cost time too, at the first direction alone."""
+    setup, sample = loaded(write_variant(tmp_path, reference=reference))
+    designed = designed_recipe(setup.recipe, setup.rig, sample, "n", 40.0)
+    other_way = {"exit_deg": designed.exit_deg[::-1], "readings": designed.readings[::-1]}
+    assert designed.exit_deg == tuple(sorted(designed.exit_deg, reverse=reference is not None))
+    duration_s = forecast(designed, setup.rig, sample).duration_s
+    assert duration_s < forecast(designed.model_copy(update=other_way), setup.rig, sample).duration_s
+    assert 40.0 - 5 * (0.03 + READING_POLL_S) < duration_s <= 40.0
+
+
+def test_sets_of_polarizers_are_those_of_the_wheel(tmp_path):
+    setup, _ = loaded(write_variant(tmp_path, analyzer_deg=[0.0, 45.0, 90.0]))
+    every, triples = polarizer_sets(setup.recipe, setup.rig)
+    assert [change.recipe.analyzer_deg for change in every] == [(0.0, 45.0, 90.0, 135.0)]
+    assert {change.recipe.analyzer_deg for change in triples} == {
+        (0.0, 45.0, 135.0),
+        (0.0, 90.0, 135.0),
+        (45.0, 90.0, 135.0),
+    }
 
 
 def test_a_designed_recipe_is_checked_and_run_like_any_other(tmp_path):

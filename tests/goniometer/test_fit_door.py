@@ -305,21 +305,21 @@ def test_profile_and_bootstrap_say_intervals_in_the_units_of_the_recipe(run: Sto
     recipe = run.folder.parent / "offset.yaml"
     recipe.write_text(
         "fit: {lobes: [specular, diffuse, directional], free: {sigma: [0.02, 1.0], n: [1.0, 6.0], "
-        "k: [0.0, 8.0], exit_offset_deg: [-1.0, 1.0]}}\n",
+        "k: [0.0, 8.0], analyzer_offset_deg: [-1.0, 1.0]}}\n",
         encoding="utf-8",
     )
-    wanted = ("--profile", "exit_offset_deg", "--bootstrap", 300)
+    wanted = ("--profile", "analyzer_offset_deg", "--bootstrap", 300)
     code, out, err = command(csv, "--recipe", recipe, *wanted, "--json")
     assert code == 0, err
     found = json.loads(out)
-    estimate = found["parameters"]["exit_offset_deg"]
+    estimate = found["parameters"]["analyzer_offset_deg"]
     expected = [estimate["value"] + side * 1.96 * estimate["stderr"] for side in (-1, 1)]
     atol = 0.3 * estimate["stderr"]
-    assert_allclose(found["intervals"]["profiles"]["exit_offset_deg"], expected, atol=atol)
-    assert_allclose(found["intervals"]["scatter"]["exit_offset_deg"], expected, atol=2.0 * atol)
+    assert_allclose(found["intervals"]["profiles"]["analyzer_offset_deg"], expected, atol=atol)
+    assert_allclose(found["intervals"]["scatter"]["analyzer_offset_deg"], expected, atol=2.0 * atol)
     assert_allclose(found["intervals"]["scatter_stderr"]["n"], found["parameters"]["n"]["stderr"], rtol=0.2)
     code, out, _ = command(csv, "--recipe", recipe, *wanted)
-    assert "exit_offset_deg: from" in out
+    assert "analyzer_offset_deg: from" in out
     assert "300 fits to data made anew" in out
     code, _, err = command(csv, "--profile", "alpha")
     assert code == 2

@@ -139,7 +139,7 @@ def test_a_parquet_table_holds_the_same(inputs: list[Path], recipe: Path, here: 
             if isinstance(value, float):
                 assert float(text[name]) == value
             else:
-                assert text[name] == ("" if value is None else str(value).lower() if value in (True, False) else value)
+                assert text[name] == {None: "", True: "true", False: "false"}.get(value, str(value))
 
 
 def test_what_all_inputs_can_is_success_and_changes_reach_the_fit(
