@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -178,7 +179,10 @@ class Adaptive:
 def first_exits_deg(recipe: Recipe, family: SurfaceFamily) -> list[float]:
     """The exit angles with which an adaptive scan begins: spread evenly, from the end next to the surface normal."""
     exit_deg = sorted(set(recipe.exit_angles_deg()))
-    count = min(max(_FEWEST_AT_FIRST, len(family.names) // 2 + 1), len(exit_deg))
+    enough = math.ceil(
+        2 * len(family.names) / 3
+    )  # three values each, and twice as many as parameters to judge a fit by
+    count = min(max(_FEWEST_AT_FIRST, enough), len(exit_deg))
     places: NDArray[np.int64] = np.linspace(0, len(exit_deg) - 1, count).round().astype(np.int64)
     first_deg = [exit_deg[place] for place in places.tolist()]
     return first_deg if abs(first_deg[0]) <= abs(first_deg[-1]) else first_deg[::-1]

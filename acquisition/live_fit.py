@@ -12,7 +12,7 @@ from acquisition.events import FitRefused, FitUpdated
 from acquisition.fit_points import FitArguments, dataset
 from acquisition.readings import StokesPoint
 from goniometer.errors import FitError
-from model.fit import Dataset, FitResult, SurfaceFamily, fit
+from model.fit import Dataset, FitResult, SurfaceFamily, fit, follow
 
 _POOR_FIT = 3.0
 """Chi-square per degree of freedom above which a warm start is not trusted and the search begins anew."""
@@ -83,7 +83,8 @@ class LiveFit:
 
     def _fit(self, data: Dataset, last: FitResult | None) -> FitResult:
         if last is not None:
-            result = fit(data, self._family, start=last.values, **self._how)
+            how = self._how
+            result = follow(data, self._family, last, objective=how["objective"], robust=how["robust"])
             if result.chi_square <= _POOR_FIT * max(result.degrees_of_freedom, 1):
                 return result
         return fit(data, self._family, **self._how)

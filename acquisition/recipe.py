@@ -29,7 +29,10 @@ FEWEST_CHOICES, MOST_CHOICES = 4, 200
 
 _GRID_TOLERANCE_DEG = 1e-9
 _BY_PARAMETER: dict[str, Any] = {
-    "properties": {name: {"type": "number", "exclusiveMinimum": 0} for name in get_args(ParameterName)},
+    "properties": {
+        name: {"description": f"wanted standard error of {name}", "type": "number", "exclusiveMinimum": 0}
+        for name in get_args(ParameterName)
+    },
     "additionalProperties": False,
 }
 

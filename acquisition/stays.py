@@ -42,19 +42,21 @@ class Prospect:
 class Plan:
     """Stays at some directions, given by their places, with so many readings in every slot each.
 
-    `stderr`, shape (P,), are the standard errors that there will be afterwards.
+    `stderr`, shape (P,), are the standard errors that there will be afterwards; `volume` is that of their joint
+    confidence region: the logarithm of its square, but for a constant.
     """
 
     places: tuple[int, ...]
     readings: FloatArray
     stderr: FloatArray
+    volume: float
 
 
 def plan(prospect: Prospect, parameter: int | None, time_s: float) -> Plan | None:
     """The stays after which a parameter, or all alike, will be known best; None if the time is too short for any.
 
-    The optimal design for readings that cost time, and visits that cost none, says which directions count. Of these the
-    most important are kept, as many as pay for their visits.
+    The optimal design for readings that cost time, and visits that cost none, says which directions count. Those that
+    do not pay for their visits are then dropped, one after the other.
 
     Parameters
     ----------
@@ -70,22 +72,36 @@ def plan(prospect: Prospect, parameter: int | None, time_s: float) -> Plan | Non
     FitError
         If all directions together do not determine the parameters.
     """
-    best, lowest = None, np.inf
-    important = _peaks(_shares(prospect, range(len(prospect.pieces)), parameter, time_s))
-    for count in range(1, len(important) + 1):
-        places = important[:count]
-        left_s = time_s - float(prospect.visit_s[places].sum())
-        if left_s <= 0.0:
+    places = _peaks(_shares(prospect, range(len(prospect.pieces)), parameter, time_s))
+    best = _shared(prospect, places, parameter, time_s)
+    while len(places) > 1:
+        fewer = [places[:drop] + places[drop + 1 :] for drop in range(len(places))]
+        plans = [_shared(prospect, others, parameter, time_s) for others in fewer]
+        # where none fits into the time, the least important, which is the last, goes
+        drop = min(range(len(plans)), key=lambda number: (_uncertainty(plans[number], parameter), -number))
+        if _uncertainty(plans[drop], parameter) > _uncertainty(best, parameter):
             break
-        readings = _shares(prospect, places, parameter, left_s) * left_s / prospect.reading_s
-        told = prospect.known + np.einsum("n,npq->pq", readings, prospect.pieces[places])
-        stderr = standard_errors(told)
-        if not np.isfinite(stderr).all():
-            continue
-        uncertainty = -np.linalg.slogdet(told)[1] if parameter is None else stderr[parameter]
-        if uncertainty < lowest:
-            best, lowest = Plan(tuple(places), readings, stderr), uncertainty
+        places, best = fewer[drop], plans[drop]
     return best
+
+
+def _shared(prospect: Prospect, places: list[int], parameter: int | None, time_s: float) -> Plan | None:
+    """The time shared best among these places; None if it is too short, or does not determine all parameters."""
+    left_s = time_s - float(prospect.visit_s[places].sum())
+    if left_s <= 0.0:
+        return None
+    readings = _shares(prospect, places, parameter, left_s) * left_s / prospect.reading_s
+    told = prospect.known + np.einsum("n,npq->pq", readings, prospect.pieces[places])
+    stderr = standard_errors(told)
+    if not np.isfinite(stderr).all():
+        return None
+    return Plan(tuple(places), readings, stderr, -float(np.linalg.slogdet(told)[1]))
+
+
+def _uncertainty(stays: Plan | None, parameter: int | None) -> float:
+    if stays is None:
+        return np.inf
+    return stays.volume if parameter is None else float(stays.stderr[parameter])
 
 
 def time_needed_s(prospect: Prospect, parameter: int, wanted: float, most_s: float) -> float:

@@ -38,8 +38,8 @@ class Judgement:
 
 def misfit(result: FitResult) -> str:
     """Why the fit does not describe the data, empty if it does."""
-    if result.degrees_of_freedom < 1:
-        return "there are no more data than parameters"
+    if result.degrees_of_freedom < len(result.names):
+        return "the data are not yet twice as many as the parameters, so that nothing shows whether the model is right"
     if result.p_value is not None and result.p_value < IMPLAUSIBLE:
         return (
             f"the model misses the data by more than their noise (chi-square {result.chi_square:.4g} for "

@@ -15,7 +15,7 @@ import lmfit
 import numpy as np
 from bluesky.callbacks.fitting import LiveFit
 
-from model.fit import Dataset, fit, lobe_family
+from model.fit import Dataset, fit, follow, lobe_family
 from model.geometry import in_plane
 
 FAMILY = lobe_family(("specular", "diffuse", "directional"), {"sigma": (0.02, 1.0), "n": (0.1, 8.0), "k": (0.0, 10.0)})
@@ -62,9 +62,9 @@ def timed(call, *arguments, **options):
     return 1e3 * (time.perf_counter() - start), result
 
 
-def followed(so_far, new, start):
+def followed(so_far, new, last):
     """What a live fit does with a new point."""
-    return fit(so_far.joined(new), FAMILY, start=start)
+    return follow(so_far.joined(new), FAMILY, last)
 
 
 def live_updates(points, updates):
@@ -80,7 +80,7 @@ def live_updates(points, updates):
     ours, theirs = [], []
     for count in counts[1:]:
         new = data.some(order[count - 1 : count])
-        took, last = timed(followed, so_far, new, last.values)
+        took, last = timed(followed, so_far, new, last)
         ours.append(took)
         so_far = so_far.joined(new)
         if len(theirs) < max(3, updates // 5):

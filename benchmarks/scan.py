@@ -20,7 +20,7 @@ from goniometer.assembly import connected
 from goniometer.bench import served_ports, simulate
 from goniometer.load_files import load_recipe
 from goniometer.planning import plan
-from model.fit import fit
+from model.fit import fit, follow
 
 ROOT = Path(__file__).resolve().parent.parent
 RECIPE = ROOT / "recipes" / "iron_60deg.yaml"
@@ -120,7 +120,7 @@ def live_fit_update_ms():
     for count in range(20, len(stored.points) + 1):
         start = time.perf_counter()
         data = dataset(stored.points[:count])
-        last = fit(data, family, start=last and last.values)
+        last = follow(data, family, last) if last else fit(data, family)
         times_ms.append(1e3 * (time.perf_counter() - start))
     return sorted(times_ms[1:])
 

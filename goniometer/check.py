@@ -51,7 +51,7 @@ def _outlook(recipe: Recipe, elapsed_s: float) -> list[str]:
     exit_deg = sorted(set(recipe.exit_angles_deg()))
     return [
         "",
-        f"Then at whichever of {len(exit_deg)} exit angles from {exit_deg[0]:g}° to {exit_deg[-1]:g}° readings tell most "
+        f"Then at whichever of {len(exit_deg)} exit angles, {exit_deg[0]:g}° to {exit_deg[-1]:g}°, readings tell most "
         f"per second, {recipe.readings_of_angles()[0]} or more in every slot.",
     ]
 

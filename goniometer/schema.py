@@ -66,7 +66,8 @@ def child(root: Node, node: Node, key: str | int) -> Node:
     for others in ("additionalProperties", "items"):
         if isinstance(node.get(others), dict):
             return resolved(root, node[others])
-    return {}
+    options = (child(root, resolved(root, option), key) for option in node.get("anyOf", []))
+    return next(filter(None, options), {})
 
 
 def known_keys(node: Node) -> list[str]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from model.fit.dataset import Dataset
 from model.fit.family import SurfaceFamily, lobe_family
-from model.fit.fit import fit
+from model.fit.fit import fit, follow
 from model.fit.result import Estimate, FitResult
 
-__all__ = ["Dataset", "Estimate", "FitResult", "SurfaceFamily", "fit", "lobe_family"]
+__all__ = ["Dataset", "Estimate", "FitResult", "SurfaceFamily", "fit", "follow", "lobe_family"]

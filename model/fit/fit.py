@@ -20,10 +20,10 @@ from model.geometry import FloatArray
 from model.surface import Surface
 
 _SEARCHES = ("sobol", "genetic")
-_MOST_STEPS = 1000
-# Share of chi-square that a step must promise. A fit that follows a running scan ends sooner: what is left is some
-# hundredths of a standard error, and the next point moves the optimum by more.
-_SETTLED, _FOLLOWED = 1e-12, 1e-6
+# Steps, and the share of chi-square that each must promise. A fit that follows a scan ends sooner: what is left is some
+# hundredths of a standard error, and the next point moves the optimum by more; along a valley it goes on next time.
+_MOST_STEPS, _SETTLED = 1000, 1e-12
+_FOLLOWING_STEPS, _FOLLOWED = 25, 1e-6
 _TOLERATED = 0.05
 
 
@@ -55,9 +55,8 @@ def fit(
         Whether a direction far from the fit counts by its distance instead of the square (Huber 1964), so that few
         outliers cannot bend it. In any case they are listed in the result, and none is left out.
     start : mapping of str to float, optional
-        Values of parameters to start from instead of a search, such as the last optimum of a live fit; best weights are
-        found for weights not given. Fast, but local, and ended some hundredths of a standard error before the optimum:
-        for a final result, or if chi_square is far above degrees_of_freedom afterwards, fit again without it.
+        Values of parameters to start from instead of a search; best weights are found for weights not given. Fast, but
+        local: if chi_square is far above degrees_of_freedom afterwards, fit again without it.
     seed : int
         Seed of the search; the same seed gives the same result.
 
@@ -77,6 +76,56 @@ def fit(
     """
     if search not in _SEARCHES:
         raise ValueError(f"search is '{search}'; allowed is one of {list(_SEARCHES)}.")
+    problem, compared, held = _problem(data, surface, objective, robust)
+    begins = starts(compared, problem, search, seed) if start is None else _checked_start(problem, start)
+    problem = problem.resolving(begins)
+    ends = minimise(problem, begins, np.zeros(len(begins), np.int64), most_steps=_MOST_STEPS, settled=_SETTLED)
+    best = int(np.argmin(np.nan_to_num(ends.cost, nan=np.inf)))
+    if not ends.settled[best]:
+        raise FitError(
+            f"Least squares had not settled after {ends.steps[best]} steps, because {compared.name} hardly tell the "
+            f"values of {', '.join(problem.family.names)} apart. No result is given. Measure more directions, or fix "
+            f"one of them."
+        )
+    return conclude(problem, compared, ends, best, held, start is None)
+
+
+def follow(
+    data: Dataset,
+    surface: Surface | SurfaceFamily,
+    last: FitResult,
+    *,
+    objective: Objective = "stokes",
+    robust: bool = False,
+) -> FitResult:
+    """Follow an optimum to data that have grown a little, in a few milliseconds, as a fit beside a running scan does.
+
+    It ends some hundredths of a standard error before the optimum, or after so many steps; from there the next one goes
+    on. For a final result, or if chi_square is far above degrees_of_freedom afterwards, `fit`.
+
+    Parameters
+    ----------
+    data, surface, objective, robust
+        As for `fit`.
+    last : FitResult
+        The fit of the data before they grew.
+
+    Raises
+    ------
+    FitError
+        As for `fit`, but for least squares that have not settled.
+    """
+    problem, compared, held = _problem(data, surface, objective, robust)
+    begin = _checked_start(problem, last.values)
+    problem = problem.resolving(begin)
+    end = minimise(problem, begin, np.zeros(1, np.int64), most_steps=_FOLLOWING_STEPS, settled=_FOLLOWED)
+    return conclude(problem, compared, end, 0, held, False)
+
+
+def _problem(
+    data: Dataset, surface: Surface | SurfaceFamily, objective: Objective, robust: bool
+) -> tuple[Problem, Dataset, dict[str, float]]:
+    """What is to be minimised, the data in the form in which they are compared, and what must be held."""
     if objective not in OBJECTIVES:
         raise ValueError(f"objective is '{objective}'; allowed is one of {list(OBJECTIVES)}.")
     family = surface if isinstance(surface, SurfaceFamily) else whole_family(surface)
@@ -89,21 +138,7 @@ def fit(
             f"fitted. Give standard errors, or fit without robust."
         )
     tolerated = float(np.sqrt(chdtri(compared.values.shape[1], _TOLERATED))) if robust else np.inf
-    problem = Problem.of(compared, family, tolerated)
-    if start is not None:
-        begins, settled = _checked_start(problem, start), _FOLLOWED
-    else:
-        begins, settled = starts(compared, problem, search, seed), _SETTLED
-    problem = problem.resolving(begins)
-    ends = minimise(problem, begins, np.zeros(len(begins), np.int64), most_steps=_MOST_STEPS, settled=settled)
-    best = int(np.argmin(np.nan_to_num(ends.cost, nan=np.inf)))
-    if not ends.settled[best]:
-        raise FitError(
-            f"Least squares had not settled after {ends.steps[best]} steps, because {compared.name} hardly tell the "
-            f"values of {', '.join(family.names)} apart. No result is given. Measure more directions, or fix one of "
-            f"them."
-        )
-    return conclude(problem, compared, ends, best, held, start is None)
+    return Problem.of(compared, family, tolerated), compared, held
 
 
 def _checked_start(problem: Problem, start: Mapping[str, float]) -> FloatArray:

@@ -11,7 +11,9 @@ from model.geometry import FloatArray
 
 _RIDGE = 1e-13
 _DARK = 1e-12
-_AT_ONCE = 32
+# What so many points, or sets of values, need at a time fits the caches.
+_AT_ONCE, _SETS_AT_ONCE = 32, 128
+_ONE_THREAD = 200_000
 
 
 class SharedLight:
@@ -58,24 +60,44 @@ class SharedLight:
         ndarray
             Shape (b, count, P), best first.
         """
-        sets, points = len(values), len(self._points)
-        target = whitened(whitener, values).reshape(sets, -1)
+        points = len(self._points)
         held = whitened(whitener, self._held).reshape(points, -1)
-        columns = whitened(whitener, self._columns).reshape(points, len(self._places), target.shape[1])
+        columns = whitened(whitener, self._columns).reshape(points, len(self._places), held.shape[1])
         lengths = np.sqrt(np.einsum("qlr,qlr->ql", columns, columns))
         seen = lengths > _DARK * lengths.max(axis=1, initial=0.0, keepdims=True)
         unit = np.where(seen, 1.0 / np.where(seen, lengths, 1.0), 0.0)
-        columns = columns * unit[:, :, None]
-        right = [target @ columns[:, i].T - (columns[:, i] * held).sum(axis=1) for i in range(len(self._places))]
-        weights, explained = _non_negative(columns @ columns.swapaxes(1, 2), right, (sets, points))
-        cost = (held * held).sum(axis=1) - 2.0 * target @ held.T - explained
-        cost = np.where(np.isfinite(cost), cost, np.inf)
-        chosen = np.argsort(cost, axis=1)[:, :count] if count > 1 else np.argmin(cost, axis=1)[:, None]
-        starts = self._points[chosen]
-        for i, place in enumerate(self._places):
-            found = np.take_along_axis(weights[i], chosen, axis=1) * unit[chosen, i]
-            starts[:, :, place] = np.clip(found, self._low[i], self._high[i])
+        columns *= unit[:, :, None]
+        gram = columns @ columns.swapaxes(1, 2)
+        starts = np.empty((len(values), count, self._points.shape[1]))
+        for at in range(0, len(values), _SETS_AT_ONCE):
+            block = slice(at, at + _SETS_AT_ONCE)
+            target = whitened(whitener, values[block]).reshape(-1, held.shape[1])
+            right = [
+                _products(target, columns[:, i]) - (columns[:, i] * held).sum(axis=1) for i in range(len(self._places))
+            ]
+            weights, explained = _non_negative(gram, right, (len(target), points))
+            cost = -explained
+            if held.any():
+                cost += (held * held).sum(axis=1) - 2.0 * _products(target, held)
+            cost = np.where(np.isfinite(cost), cost, np.inf)
+            chosen = np.argsort(cost, axis=1)[:, :count] if count > 1 else np.argmin(cost, axis=1)[:, None]
+            starts[block] = self._points[chosen]
+            for i, place in enumerate(self._places):
+                found = np.take_along_axis(weights[i], chosen, axis=1) * unit[chosen, i]
+                starts[block, :, place] = np.clip(found, self._low[i], self._high[i])
         return starts
+
+
+def _products(sets: FloatArray, points: FloatArray) -> FloatArray:
+    """Products (b, Q) of all rows of (b, R) and (Q, R).
+
+    In blocks so small that the library does each in one thread: every core has pixels of its own to see to.
+    """
+    size = max(1, _ONE_THREAD // points.size)
+    products = np.empty((len(sets), len(points)))
+    for at in range(0, len(sets), size):
+        np.matmul(sets[at : at + size], points.T, out=products[at : at + size])
+    return products
 
 
 def _non_negative(

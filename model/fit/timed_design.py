@@ -64,13 +64,19 @@ def timed_design(
     """
     search = _Search(pieces, criterion, cost, time_s, most_readings, prior)
     places = search.begin()
-    uncertainty = search.uncertainty(places)
+    excess_s, uncertainty = search.judged(places)
     while True:
-        others = {other: search.uncertainty(other) for other in search.neighbours(places)}
+        others = {other: search.judged(other) for other in search.neighbours(places)}
         best = min(others, key=lambda other: others[other], default=places)
-        if not others.get(best, np.inf) < uncertainty - _WORTHWHILE:
-            return search.readings(places)
-        places, uncertainty = best, others[best]
+        if not others.get(best, (np.inf, np.inf)) < (excess_s, uncertainty - _WORTHWHILE):
+            break
+        places, (excess_s, uncertainty) = best, others[best]
+    if excess_s > 0.0:
+        raise FitError(
+            f"{time_s:g} s are not enough to visit as many directions as determine the parameters. There is no design. "
+            "Allow more time."
+        )
+    return search.readings(places)
 
 
 Places = tuple[int, ...]
@@ -92,33 +98,24 @@ class _Search:
         self._cost, self._time_s, self._most = cost, time_s, most_readings
 
     def begin(self) -> Places:
-        """The directions of the best design whose visits cost nothing, less the lightest if they take too long."""
+        """The directions of the best design if visits cost nothing, of neighbours the heaviest if that will do."""
         every = range(self._pieces.shape[1])
         _, reading_s = self._cost(every)
         shares = self._shares(every, reading_s, self._time_s)
         places: Places = tuple(np.flatnonzero(shares > _NOTEWORTHY_SHARE).tolist())
         peaks = tuple(place for place in places if shares[place] == shares[max(place - 1, 0) : place + 2].max())
-        places = peaks if self._determine(peaks) else places
-        while np.isinf(self.uncertainty(places)):
-            lightest_first = sorted(places, key=lambda place: float(shares[place]))
-            fewer = [tuple(place for place in places if place != dropped) for dropped in lightest_first]
-            sufficient = [others for others in fewer if self._determine(others)]
-            if not sufficient:
-                raise FitError(
-                    f"{self._time_s:g} s are not enough to visit as many directions as determine the parameters. "
-                    "There is no design. Allow more time."
-                )
-            places = sufficient[0]
-        return places
+        return peaks if self._determine(peaks) else places
 
-    def uncertainty(self, places: Places) -> float:
-        """The criterion after the time; infinite if it is too short, or the parameters are not determined."""
+    def judged(self, places: Places) -> tuple[float, float]:
+        """By how much one reading everywhere exceeds the time; else 0, and the criterion after the time."""
+        if not self._determine(places):
+            return np.inf, np.inf
         visits_s, reading_s = self._cost(places)
         left_s = self._time_s - visits_s
-        if left_s < reading_s.sum() or not self._determine(places):
-            return np.inf
+        if left_s < reading_s.sum():
+            return float(reading_s.sum()) - left_s, np.inf
         readings = np.maximum(self._shares(places, reading_s, left_s) * left_s / reading_s, 1.0)
-        return self._criterion.uncertainty(self._told(places, readings * left_s / (readings @ reading_s)))
+        return 0.0, self._criterion.uncertainty(self._told(places, readings * left_s / (readings @ reading_s)))
 
     def _determine(self, places: Places) -> bool:
         told = self._told(places, np.ones(len(places)))

@@ -10,7 +10,7 @@ from acquisition.events import FitRefused, FitUpdated
 from acquisition.fit_points import FitArguments
 from acquisition.live_fit import LiveFit
 from acquisition.readings import StokesPoint
-from model.fit import fit, lobe_family
+from model.fit import fit, follow, lobe_family
 from model.lobes import Diffuse, Specular
 from model.surface import Surface
 
@@ -48,18 +48,22 @@ def test_points_are_fitted():
 def test_a_last_optimum_that_fits_poorly_is_not_trusted(monkeypatch):
     calls = []
 
-    def counted(data, family, **how):
-        calls.append(how)
-        return fit(data, family, **how)
+    def counted(function):
+        def call(*arguments, **how):
+            calls.append(function.__name__)
+            return function(*arguments, **how)
 
-    monkeypatch.setattr(live_fit, "fit", counted)
+        return call
+
+    for function in (fit, follow):
+        monkeypatch.setattr(live_fit, function.__name__, counted(function))
     with LiveFit(FAMILY, HOW) as fitting:
         news_after(fitting, points_of(0.2, 1.5))
         news_after(fitting, points_of(0.2, 1.5))
-        assert ["start" in how for how in calls] == [False, True]
+        assert calls == ["fit", "follow"]
         mixed = points_of(0.05, 2.9)[:12] + points_of(0.9, 1.1)[12:]
         news_after(fitting, mixed)
-    assert ["start" in how for how in calls] == [False, True, True, False]
+    assert calls == ["fit", "follow", "follow", "fit"]
 
 
 def test_too_few_points_are_refused_and_the_next_are_fitted():
@@ -88,13 +92,17 @@ def test_submitting_never_waits_and_the_newest_points_win(monkeypatch):
     begun, go_on = threading.Event(), threading.Event()
     sizes = []
 
-    def slow(data, family, **how):
-        sizes.append(len(data.values))
-        begun.set()
-        go_on.wait(10.0)
-        return fit(data, family, **how)
+    def slow(function):
+        def call(data, *arguments, **how):
+            sizes.append(len(data.values))
+            begun.set()
+            go_on.wait(10.0)
+            return function(data, *arguments, **how)
 
-    monkeypatch.setattr(live_fit, "fit", slow)
+        return call
+
+    for function in (fit, follow):
+        monkeypatch.setattr(live_fit, function.__name__, slow(function))
     with LiveFit(FAMILY, HOW) as fitting:
         fitting.submit(points_of(0.2, 1.5)[:20])
         begun.wait(10.0)

@@ -136,8 +136,9 @@ def cost(places):
 
 
 @pytest.mark.parametrize("criterion", [Criterion(), Criterion(np.array([0.0, 1.0, 0.0]), 0.1)])
-@pytest.mark.parametrize("time_s", [12.0, 16.0, 22.0])
-def test_a_timed_design_is_almost_the_best_of_all(criterion, time_s):
+@pytest.mark.parametrize(("time_s", "worse"), [(12.0, 0.1), (16.0, 0.05), (22.0, 0.05)])
+def test_a_timed_design_is_almost_the_best_of_all(criterion, time_s, worse):
+    """Where there is time for four readings only, one of them is a large part."""
     pieces = polynomial(2, PLACES)
     best = np.inf
     for count in range(3, 6):
@@ -150,7 +151,7 @@ def test_a_timed_design_is_almost_the_best_of_all(criterion, time_s):
     readings = timed_design(pieces, criterion, cost, time_s, 100)
     visits_s, reading_s = cost(np.flatnonzero(readings))
     assert visits_s + reading_s @ readings[readings > 0] <= time_s
-    assert criterion.uncertainty(np.einsum("n,snpq->spq", readings, pieces)) < best + 0.05
+    assert criterion.uncertainty(np.einsum("n,snpq->spq", readings, pieces)) < best + worse
 
 
 def test_more_time_never_tells_less():
@@ -164,6 +165,36 @@ def test_more_time_never_tells_less():
         for time_s in (15.0, 30.0, 60.0, 120.0, 1200.0)
     ]
     assert (np.diff(np.prod(stderrs, axis=1)) < 0.0).all()
+
+
+@pytest.mark.parametrize("time_s", [10.0, 11.0, 14.0, 60.0])
+def test_the_search_finds_the_directions_that_trying_all_sets_finds(time_s):
+    """Every set of directions 10 degrees apart is given the time by itself."""
+    pieces, criterion = glass()[:, ::20], Criterion(np.eye(5)[1], 0.1)
+
+    def reached(places):
+        def seconds(chosen):
+            return 3.0 * len(chosen), np.full(len(chosen), 0.2)
+
+        try:
+            readings = timed_design(pieces[:, list(places)], criterion, seconds, time_s, 1000)
+        except FitError:
+            return np.inf
+        return criterion.uncertainty(np.einsum("n,snpq->spq", readings, pieces[:, list(places)]))
+
+    sets = [places for count in (2, 3, 4) for places in itertools.combinations(range(7), count)]
+    best = min(reached(places) for places in sets)
+    assert reached(range(7)) < best + 1e-3
+
+
+def test_what_costs_more_is_read_less():
+    """Of a line that is read at its two ends, the determinant is largest when as much time is spent at either."""
+
+    def unequal(places):
+        return 0.0, np.array([1.0, 4.0])[list(places)]
+
+    readings = timed_design(polynomial(1, np.array([-1.0, 1.0])), Criterion(), unequal, 160.0, 1000)
+    assert_allclose(readings, [80, 20], atol=1)
 
 
 def test_no_direction_is_read_more_often_than_allowed():
