@@ -24,6 +24,7 @@ _SEARCHES = ("sobol", "genetic")
 # hundredths of a standard error, and the next point moves the optimum by more; along a valley it goes on next time.
 _MOST_STEPS, _SETTLED = 1000, 1e-12
 _FOLLOWING_STEPS, _FOLLOWED = 25, 1e-6
+_ASIDE = 1e-2
 _TOLERATED = 0.05
 
 
@@ -116,10 +117,17 @@ def follow(
         As for `fit`, but for least squares that have not settled.
     """
     problem, compared, held = _problem(data, surface, objective, robust)
-    begin = _checked_start(problem, last.values)
+    begin = _off_bounds(problem, _checked_start(problem, last.values))
     problem = problem.resolving(begin)
     end = minimise(problem, begin, np.zeros(1, np.int64), most_steps=_FOLLOWING_STEPS, settled=_FOLLOWED)
     return conclude(problem, compared, end, 0, held, False)
+
+
+def _off_bounds(problem: Problem, x: FloatArray) -> FloatArray:
+    """Points a little inside the box: at k = 0 reflectance has no slope by k, and no step would ever leave it."""
+    shapes = np.array([name in problem.family.shapes for name in problem.family.names])
+    aside = np.where(shapes, _ASIDE * (problem.high - problem.low), 0.0)
+    return np.clip(x, problem.low + aside, problem.high - aside)
 
 
 def _problem(
