@@ -30,6 +30,7 @@ bench-model: .venv/installed .venv-bench/installed
 
 bench-fit: .venv/installed .venv-bench/installed
 	$(subst .venv,.venv-bench,$(BIN))/python benchmarks/live_fit.py
+	$(BIN)/python benchmarks/fits.py
 
 lint: .venv/installed
 	$(BIN)/ruff check .

@@ -93,7 +93,7 @@ class Adaptive:
             return self._deciding(now.result, candidates)
         try:
             return self._telling(now, now.result, candidates)
-        except FitError:
+        except (FitError, np.linalg.LinAlgError):
             return candidates.visit(farthest, self._fewest, "far from all others, because some parameters are not told")
 
     def _candidates(self, now: Situation) -> _Candidates:

@@ -56,7 +56,7 @@ def plan(prospect: Prospect, parameter: int | None, time_s: float) -> Plan | Non
     """The stays after which a parameter, or all alike, will be known best; None if the time is too short for any.
 
     The optimal design for readings that cost time, and visits that cost none, says which directions count. Those that
-    do not pay for their visits are then dropped, one after the other.
+    do not pay for their visits are then dropped, one after the other, or all but one at once.
 
     Parameters
     ----------
@@ -72,7 +72,7 @@ def plan(prospect: Prospect, parameter: int | None, time_s: float) -> Plan | Non
     FitError
         If all directions together do not determine the parameters.
     """
-    places = _peaks(_shares(prospect, range(len(prospect.pieces)), parameter, time_s))
+    places = important = _peaks(_shares(prospect, range(len(prospect.pieces)), parameter, time_s))
     best = _shared(prospect, places, parameter, time_s)
     while len(places) > 1:
         fewer = [places[:drop] + places[drop + 1 :] for drop in range(len(places))]
@@ -82,7 +82,8 @@ def plan(prospect: Prospect, parameter: int | None, time_s: float) -> Plan | Non
         if _uncertainty(plans[drop], parameter) > _uncertainty(best, parameter):
             break
         places, best = fewer[drop], plans[drop]
-    return best
+    single = (_shared(prospect, [place], parameter, time_s) for place in important)
+    return min([best, *single], key=lambda stays: _uncertainty(stays, parameter))
 
 
 def _shared(prospect: Prospect, places: list[int], parameter: int | None, time_s: float) -> Plan | None:

@@ -17,7 +17,7 @@ from acquisition.recipe import Recipe
 from acquisition.wanted import Judgement, judge, misfit
 from drivers.clock import Clock
 from goniometer.errors import FitError
-from model.fit import FitResult, SurfaceFamily, fit
+from model.fit import FitResult, SurfaceFamily, fit, follow
 
 
 class Steering:
@@ -100,7 +100,8 @@ class Steering:
         """The best of all optima; along a list it is enough to follow the last one while nothing hangs on it."""
         data, arguments = dataset(points), fit_arguments(self._recipe.fit)
         if self._last is not None and not self._recipe.adaptive:
-            followed = fit(data, self._family, start=self._last.values, **arguments)
+            objective, robust = arguments["objective"], arguments["robust"]
+            followed = follow(data, self._family, self._last, objective=objective, robust=robust)
             if not misfit(followed) and not judge(followed, self._wanted).is_reached:
                 return followed
         return fit(data, self._family, **arguments)

@@ -19,7 +19,7 @@ from acquisition.stays import Prospect, plan, time_needed_s
 from acquisition.steering import Steering
 from acquisition.timing import AnalyzerTiming, AxisTiming, BenchTiming
 from acquisition.wanted import judge
-from model.fit import fit
+from model.fit import follow
 from model.fit.design import Criterion
 from model.fit.information import information, standard_errors
 from model.fit.result import Alternative
@@ -220,14 +220,12 @@ def test_a_model_that_misses_the_data_ends_nothing_early():
 
 
 def test_an_optimum_that_was_followed_is_searched_for_again_before_it_ends_the_scan(monkeypatch):
-    def overconfident(data, family, *, start=None, **how):
-        result = fit(data, family, start=start, **how)
-        if start is None:
-            return result
+    def overconfident(*data, **how):
+        result = follow(*data, **how)
         small = {name: replace(estimate, stderr=1e-9) for name, estimate in result.parameters.items()}
         return replace(result, parameters=small)
 
-    monkeypatch.setattr(steering, "fit", overconfident)
+    monkeypatch.setattr(steering, "follow", overconfident)
     bench = Bench(recipe(**SHORT, until={"n": 1e-6}, time_limit_s=60.0), surface_of(IRON)).run()
     assert bench.now() > 50.0
     assert "not reached" in bench.steering.reason
@@ -323,7 +321,25 @@ def test_a_slow_arm_is_moved_less():
     assert travel_deg[1] < 0.7 * travel_deg[0]
 
 
-def test_what_is_farthest_from_its_aim_is_looked_for_first():
+def situation(bench, result, here=HOME, left_s=400.0):
+    return Situation(bench.points, result, ("n",), here, 60.0, left_s)
+
+
+@pytest.fixture
+def begun():
+    """An adaptive scan after its first directions, with what would choose the next one."""
+    scan = recipe(adaptive=True, until={"n": 0.01, "sigma": 1e-5}, time_limit_s=25.0)
+    bench = Bench(scan, surface_of(IRON)).run()
+    return bench, Adaptive(scan, bench.maker, bench.family, DETECTION)
+
+
+def test_what_is_farthest_from_its_aim_is_looked_for_first(begun):
+    bench, choose = begun
+    both = replace(situation(bench, bench.result), unmet=("n", "sigma"))
+    assert choose(both).why == "tells most about n per second"
+
+
+def test_another_aim_makes_another_scan():
     wanted = {"n": 0.05, "rho_d": 1e-4}
     bench = Bench(recipe(adaptive=True, until=wanted, time_limit_s=100.0), surface_of(IRON)).run()
     whys = [event.why for event in chosen(bench)]
@@ -332,18 +348,6 @@ def test_what_is_farthest_from_its_aim_is_looked_for_first():
     rho_d = bench.result.parameters["rho_d"].stderr
     for_n = Bench(recipe(adaptive=True, until={"n": 1e-6}, time_limit_s=100.0), surface_of(IRON)).run()
     assert rho_d < 0.6 * for_n.result.parameters["rho_d"].stderr
-
-
-def situation(bench, result, here=HOME, left_s=400.0):
-    return Situation(bench.points, result, ("n",), here, 60.0, left_s)
-
-
-@pytest.fixture
-def begun():
-    """An adaptive scan after its first directions, with what would choose the next one."""
-    scan = recipe(adaptive=True, until={"n": 0.01}, time_limit_s=25.0)
-    bench = Bench(scan, surface_of(IRON)).run()
-    return bench, Adaptive(scan, bench.maker, bench.family, DETECTION)
 
 
 def test_two_optima_are_told_apart_where_they_differ(begun):

@@ -187,6 +187,7 @@ def test_a_person_at_the_console_sees_choices_and_the_reason_of_the_end(tmp_path
     assert "iron at 60 degrees: adaptive until n ± 0.05, for at most 10:00 on the bench's clock" in done.stdout
     assert "next exit 20.00°, 3 readings a slot: one of the first" in done.stdout
     assert "tells most about n per second (n 0." in done.stdout
+    assert "iron at 60 degrees: finished, " in done.stdout
     assert "Reason: wanted standard errors reached: n 0.0" in done.stdout
 
 
@@ -271,6 +272,7 @@ def test_an_adaptive_scan_comes_close_to_the_design_that_knew_the_sample(tmp_pat
 
 
 @pytest.mark.long
+@pytest.mark.timeout(600)
 @pytest.mark.parametrize("time_s", [100.0, 207.0])
 @pytest.mark.parametrize("sample", ["iron", "glass"])
 def test_an_adaptive_scan_comes_close_to_the_design_that_knew_the_sample_whatever_the_noise(tmp_path, sample, time_s):

@@ -178,6 +178,10 @@ def test_what_is_done_is_not_done_again_unless_it_changed(
     rows = table(tmp_path / "fits.csv")
     assert [row == old for row, old in zip(rows, first, strict=True)] == [True, False, True, True, False]
     here.clear()
+    os.utime(inputs[0], ns=(0, 0))
+    command(*asked, "--resume")
+    assert here == [inputs[0]]
+    here.clear()
     command(*asked, "--resume", "--robust")
     assert len(here) == 5
     recipe.write_text(CHOICE.replace("[1.0, 6.0]", "[1.0, 5.0]"), encoding="utf-8")
@@ -253,7 +257,7 @@ def test_a_full_disk_is_told_and_what_is_stored_stays(
     ("arguments", "message"),
     [
         (["a.csv", "b.csv"], "Many inputs become one table: name its file with --out"),
-        (["a.csv", "b.csv", "--json", "--out", "t.csv"], "leave --json out"),
+        (["a.csv", "b.csv", "--json", "--out", "t.csv"], "leave --json, --profile and --bootstrap out"),
         (["a.csv", "--workers", "2", "--scheduler", "tcp://x", "--out", "t.csv"], "exclude each other"),
         (["a.csv", "--workers", "0", "--out", "t.csv"], "0 is not in the range x>=1"),
         (["a.csv", "b.csv", "--out", "t.json"], r"a table of many fits is a .csv or a .parquet file"),
@@ -333,11 +337,12 @@ def test_a_run_that_was_ended_is_gone_on_with(name: str, recipe: Path, tmp_path:
     out, kept = tmp_path / "fits.csv", tmp_path / "fits.csv.done.jsonl"
     arguments = [sys.executable, "-m", "goniometer", "fit", *map(str, paths), "--recipe", str(recipe), "--workers", "2"]
     arguments += ["--out", str(out)]
-    with subprocess.Popen(arguments, stderr=subprocess.PIPE, text=True, cwd=ROOT) as process:
+    with subprocess.Popen(arguments, stderr=subprocess.PIPE, text=True, cwd=ROOT, start_new_session=True) as process:
         until(process, lambda: kept.exists() and kept.read_bytes().count(b"\n") >= 3)
         listed = Path(f"/proc/{process.pid}/task/{process.pid}/children").read_text()
         workers = [os.pidfd_open(int(child)) for child in listed.split()]
-        process.send_signal(getattr(signal, name))
+        # A terminal sends Ctrl-C to the workers as well.
+        os.killpg(process.pid, signal.SIGINT) if name == "SIGINT" else process.kill()
         _, told = process.communicate(timeout=60)
     for worker in workers:
         ended, _, _ = select.select([worker], [], [], 30.0)
@@ -348,6 +353,7 @@ def test_a_run_that_was_ended_is_gone_on_with(name: str, recipe: Path, tmp_path:
     assert 3 <= stored < 150
     if name == "SIGINT":
         assert process.returncode == 130
+        assert "Traceback" not in told
         assert f"{stored} of 150 inputs are done, and stored in {kept}. Go on with --resume." in told
     subprocess.run([*arguments, "--resume"], check=True, cwd=ROOT, capture_output=True)
     assert kept.read_bytes().count(b"\n") == 150
@@ -356,14 +362,15 @@ def test_a_run_that_was_ended_is_gone_on_with(name: str, recipe: Path, tmp_path:
     assert {row["n"] for row in rows} == {rows[0]["n"]}
 
 
-def test_workers_share_the_cores_among_them(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_workers_share_the_cores_and_leave_ctrl_c_to_their_parent(monkeypatch: pytest.MonkeyPatch) -> None:
     if not hasattr(os, "sched_setaffinity"):
         pytest.skip("this system cannot tell a process which cores to use")
     shares: list[list[int]] = []
     monkeypatch.setattr(os, "sched_getaffinity", lambda process: {0, 1, 2, 5})
     monkeypatch.setattr(os, "sched_setaffinity", lambda process, cores: shares.append(list(cores)))
     monkeypatch.setattr(os, "environ", {})
-    monkeypatch.setattr(signal, "signal", lambda number, handler: None)
+    handlers = {}
+    monkeypatch.setattr(signal, "signal", handlers.__setitem__)
     monkeypatch.setattr(fit_workers, "_end_with_parent", lambda: None)
     for workers in (2, 4, 6):
         shares.clear()
@@ -374,6 +381,7 @@ def test_workers_share_the_cores_among_them(monkeypatch: pytest.MonkeyPatch) -> 
         assert len(shares) == workers
         assert sum(map(len, shares)) == max(4, workers)
     assert os.environ["OPENBLAS_NUM_THREADS"] == "1"
+    assert handlers == {signal.SIGINT: signal.SIG_IGN}
 
 
 def test_a_stored_line_says_what_was_fitted(inputs: list[Path], recipe: Path, here: list[Path], tmp_path: Path) -> None:

@@ -8,14 +8,15 @@ from numpy.testing import assert_allclose, assert_array_equal
 from scipy.optimize import least_squares
 
 from goniometer.errors import FitError
-from model.fit import Dataset, SurfaceFamily, fit, lobe_family
-from model.fit import many as many_module
+from model.fit import Dataset, SurfaceFamily, fit, lobe_family, pixel_fits
 from model.fit.compiled_problem import CompiledProblem
 from model.fit.family import whole_family
 from model.fit.many import ManyFits, Status, fit_many
 from model.fit.observable import MUELLER, Dolp, Elements, Observable
 from model.fit.pixels import inverse_root
 from model.fit.problem import Problem
+from model.fit.shared_light import SharedLight
+from model.fit.start import projected
 from model.geometry import FloatArray, in_plane
 from model.lobes import Diffuse, Specular
 from model.surface import Surface
@@ -157,7 +158,7 @@ def test_correlated_errors_count(shared: bool) -> None:
 def test_neither_threads_nor_parts_change_the_result(monkeypatch: pytest.MonkeyPatch) -> None:
     _, values, stderr = image(40, IRON, LOSSY)
     whole = fit_many(DIRECTIONS, values, METAL, stderr=stderr, threads=1)
-    monkeypatch.setattr(many_module, "_AT_ONCE", 7)
+    monkeypatch.setattr(pixel_fits, "_AT_ONCE", 7)
     for threads in (1, 3):
         assert_same(fit_many(DIRECTIONS, values, METAL, stderr=stderr, threads=threads), whole)
 
@@ -232,6 +233,7 @@ def test_a_bad_value_is_named(spoil: dict[str, float], message: str) -> None:
 def test_an_impossible_covariance_is_named() -> None:
     _, values, stderr = image(4, IRON)
     covariance = stderr[..., None] ** 2 * np.eye(3)
+    values[:2] = 0.0  # pixels without an answer do not change the others' numbers
     covariance[2, 5] = -np.eye(3)
     with pytest.raises(FitError, match="Row 5 of pixel 2: the covariance is not positive definite"):
         fit_many(DIRECTIONS, values, METAL, covariance=covariance)
@@ -355,6 +357,23 @@ def test_a_family_that_the_compiled_problem_does_not_know_is_told_apart() -> Non
         SurfaceFamily(surface, {"n": (1.0, 3.0)}, detector_half_angle_rad=0.01),
     ):
         assert not CompiledProblem.is_possible(changed)
+
+
+@pytest.mark.parametrize("fixed", [{}, {"rho_d": 0.08}], ids=["all weights free", "one held"])
+def test_starts_among_shared_points_are_those_of_each_pixel(fixed: dict[str, float]) -> None:
+    family = lobe_family(LOBES, FREE, fixed)
+    _, values, stderr = image(3, IRON, LOSSY, (0.2, 1.7, 0.8, 0.6, 0.0, 0.0))
+    whitener = np.zeros((3, 3, 3, 31))
+    whitener[:, range(3), range(3)] = 1.0 / stderr.transpose(0, 2, 1)
+    problem = Problem(family, Elements(), DIRECTIONS, values.transpose(0, 2, 1), whitener)
+    points = np.random.default_rng(0).uniform(0.1, 1.0, (200, len(family.names)))
+    points[:, :3] *= [0.5, 4.0, 4.0]
+    points[:, 1] = np.maximum(points[:, 1], 1.0)
+    shared = SharedLight(problem, points)
+    for pixel in range(3):
+        x, cost = projected(problem, points, pixel)
+        found = shared.best(values[[pixel]].transpose(0, 2, 1), whitener[pixel], 5)[0]
+        assert_allclose(found, x[np.argsort(cost)[:5]], rtol=1e-6, atol=1e-9)
 
 
 @pytest.mark.parametrize("width", [1, 2, 3, 5])

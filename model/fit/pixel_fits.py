@@ -1,0 +1,160 @@
+"""Fit many pixels.
+
+Pixels of one sample resemble each other. So some, spread evenly, are fitted from several starts each, and where they
+end joins the low-discrepancy points that all others choose their one start from. What then fits badly is fitted from
+further starts.
+"""
+
+from __future__ import annotations
+
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import chdtri
+
+from model.fit.compiled_problem import CompiledProblem
+from model.fit.family import SurfaceFamily
+from model.fit.levenberg_marquardt import minimise
+from model.fit.many_errors import standard_errors
+from model.fit.many_result import ManyFits, Status
+from model.fit.observable import Elements, Observable
+from model.fit.pixel_search import OwnSearch, Search, SharedSearch, off_bounds
+from model.fit.pixels import Block, Pixels
+from model.fit.problem import Places, Problem
+from model.geometry import FloatArray
+
+_AT_ONCE = 1024
+_PILOTS = 64
+_POLISHED = 4
+_MOST_STEPS = 200
+# A chi-square that chance exceeds less often asks for further starts.
+_UNLIKELY = 0.01
+
+
+class PixelFits:
+    """Fits of many pixels: what they have in common, and their results as they come in.
+
+    Parameters
+    ----------
+    pixels : Pixels
+        What was measured.
+    family : SurfaceFamily
+        Surfaces to choose from.
+    observable : Observable
+        What was measured of their light.
+    seed : int
+        Seed of the search.
+    """
+
+    def __init__(self, pixels: Pixels, family: SurfaceFamily, observable: Observable, seed: int) -> None:
+        self._pixels, self._family, self._observable, self._seed = pixels, family, observable, seed
+        self._result = ManyFits.none_yet(family.names, pixels.count)
+        self._search: Search = OwnSearch(seed)
+        self._variance = 1.0  # of a residual
+
+    def all(self, start: FloatArray | None, threads: int) -> ManyFits:
+        """Fit them, from starts (1 or B, P) if there are any."""
+        for places in _parts(np.arange(self._pixels.count)):
+            self._refuse(places)
+        good = np.flatnonzero(self._result.settled)
+        if len(good):
+            self._send_pilots(good)
+        with ThreadPoolExecutor(threads, thread_name_prefix="pixels") as pool:
+            for _ in pool.map(lambda places: self._fit(places, start), _parts(good)):
+                pass  # an error of one of them is raised here, and those not begun are left
+        return self._result
+
+    def _refuse(self, places: Places) -> None:
+        status, pixels = self._result.status, self._pixels
+        status[places[pixels.holds_one_value(places)]] = Status.ONE_VALUE
+        status[places[self._known(places) < len(self._family.names)]] = Status.TOO_FEW
+
+    def _known(self, places: Places) -> NDArray[np.int64]:
+        known: NDArray[np.int64] = self._pixels.measured[places].sum(axis=1) * self._pixels.values.shape[2]
+        return known + len(self._family.prior)
+
+    def _problem(self, block: Block) -> Problem:
+        directions, values, whitener, _ = block
+        if isinstance(self._observable, Elements) and CompiledProblem.is_possible(self._family):
+            return CompiledProblem(self._family, self._observable, directions, values, whitener)
+        return Problem(self._family, self._observable, directions, values, whitener)
+
+    def _send_pilots(self, good: Places) -> None:
+        """Fit a few pixels well, to learn where their like end and how far data scatter."""
+        places = good[np.unique(np.linspace(0, len(good) - 1, _PILOTS).astype(np.int64))]
+        block = self._pixels.block(places)
+        problem, which = self._problem(block), np.arange(len(places))
+        if self._pixels.share_directions:
+            self._search = SharedSearch(problem, self._seed)
+        starts = self._search.starts(problem, which, block, _POLISHED)
+        x, cost, settled = _best_end(problem, which, starts)
+        if self._pixels.share_directions:
+            self._search = SharedSearch(problem, self._seed, x[settled])
+        freedom = self._known(places) - len(self._family.names)
+        if not self._pixels.has_errors and settled.any():
+            self._variance = float(np.median(cost[settled] / np.maximum(freedom[settled], 1)))
+
+    def _fit(self, places: Places, start: FloatArray | None) -> None:
+        block = self._pixels.block(places)
+        problem, which = self._problem(block), np.arange(len(places))
+        if start is None:
+            starts = self._search.starts(problem, which, block, 1)
+        else:
+            starts = start[places if len(start) > 1 else 0 * places][:, None]
+        x, cost, settled = _best_end(problem, which, starts)
+        known = self._known(places)
+        likely = self._variance * chdtri(np.maximum(known - x.shape[1], 1), _UNLIKELY)
+        doubted = np.flatnonzero(~(settled & (cost <= likely)))
+        if len(doubted):
+            further = self._search.starts(problem, doubted, self._pixels.block(places[doubted]), _POLISHED)
+            other_x, other_cost, other_settled = _best_end(problem, doubted, further)
+            better = ~settled[doubted] | (other_cost < cost[doubted])
+            better &= other_settled
+            x[doubted[better]], cost[doubted[better]] = other_x[better], other_cost[better]
+            settled[doubted[better]] = True
+        self._keep(places, problem, which, x, settled, known)
+
+    def _keep(
+        self,
+        places: Places,
+        problem: Problem,
+        which: Places,
+        x: FloatArray,
+        settled: NDArray[np.bool_],
+        known: NDArray[np.int64],
+    ) -> None:
+        result = self._result
+        result.status[places[~settled]] = Status.NOT_SETTLED
+        places, which, x, known = places[settled], which[settled], x[settled], known[settled]
+        at = problem.normal_equations(x, which)
+        stderr, held = standard_errors(problem, x, which, at)
+        determined = (held | np.isfinite(stderr)).all(axis=1)
+        freedom = known - (~held).sum(axis=1)
+        if not self._pixels.has_errors:
+            with np.errstate(divide="ignore", invalid="ignore"):
+                stderr *= np.sqrt(np.where(freedom > 0, at.cost / freedom, np.nan))[:, None]
+        result.status[places[~determined]] = Status.UNDETERMINED
+        places = places[determined]
+        for array, values in (
+            (result.parameters, x),
+            (result.stderr, stderr),
+            (result.at_bound, held),
+            (result.chi_square, at.cost),
+            (result.degrees_of_freedom, freedom),
+        ):
+            array[places] = values[determined]
+
+
+def _best_end(problem: Problem, which: Places, starts: FloatArray) -> tuple[FloatArray, FloatArray, NDArray[np.bool_]]:
+    """Where the best of several starts (b, count, P) ends, its cost, and whether it settled."""
+    count = starts.shape[1]
+    begins = off_bounds(problem.family, starts.reshape(-1, starts.shape[2]))
+    ends = minimise(problem.resolving(begins), begins, np.repeat(which, count), most_steps=_MOST_STEPS)
+    cost = np.where(ends.settled, ends.cost, np.inf).reshape(-1, count)
+    best = np.arange(len(cost)) * count + np.argmin(cost, axis=1)
+    return ends.x[best], ends.cost[best], ends.settled[best]
+
+
+def _parts(places: Places) -> list[Places]:
+    return [places[first : first + _AT_ONCE] for first in range(0, len(places), _AT_ONCE)]
