@@ -1,14 +1,17 @@
-"""Which parameters a fit leaves at a bound."""
+"""Which parameters a fit leaves at a bound, and how not to begin there."""
 
 from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
 
+from model.fit.family import SurfaceFamily
 from model.fit.problem import Problem
 from model.geometry import FloatArray
 
 _AT_BOUND, _BESIDE = 1e-6, 1e-2
+# How far, as a share of its range, a start is moved off a bound: at k = 0 the slope by k is 0 whatever the data say.
+_OFF_BOUND = 0.02
 
 
 def is_held(problem: Problem, x: FloatArray, gradient: FloatArray, lengths2: FloatArray) -> NDArray[np.bool_]:
@@ -40,3 +43,14 @@ def is_vague(problem: Problem, x: FloatArray, stderr: FloatArray) -> NDArray[np.
     beside = np.minimum(x - problem.low, problem.high - x) < _BESIDE * width
     vague: NDArray[np.bool_] = (stderr > width) & beside & np.isfinite(width)
     return vague
+
+
+def off_bounds(family: SurfaceFamily, x: FloatArray) -> FloatArray:
+    """Points (b, P), where those that have a shape at its bound have it a little within."""
+    x = x.copy()
+    for name in family.shapes:
+        place, (low, high) = family.names.index(name), family.free[name]
+        margin = _OFF_BOUND * (high - low)
+        at = x[:, place]
+        x[:, place] = np.where(at <= low, low + margin, np.where(at >= high, high - margin, at))
+    return x

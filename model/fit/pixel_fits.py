@@ -8,18 +8,20 @@ further starts.
 from __future__ import annotations
 
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.special import chdtri
 
+from model.fit.bounds import off_bounds
 from model.fit.compiled_problem import CompiledProblem
 from model.fit.family import SurfaceFamily
 from model.fit.levenberg_marquardt import minimise
 from model.fit.many_errors import standard_errors
 from model.fit.many_result import ManyFits, Status
 from model.fit.observable import Elements, Observable
-from model.fit.pixel_search import OwnSearch, Search, SharedSearch, off_bounds
+from model.fit.pixel_search import OwnSearch, Search, SharedSearch
 from model.fit.pixels import Block, Pixels
 from model.fit.problem import Places, Problem
 from model.geometry import FloatArray
@@ -30,6 +32,11 @@ _POLISHED = 4
 _MOST_STEPS = 200
 # A chi-square that chance exceeds less often asks for further starts.
 _UNLIKELY = 0.01
+# Half-angles of a cone, from the mirror direction, within which it sees other things than its axis.
+_CONES = 3.0
+
+# Parameters, costs, and whether least squares settled there.
+Ends = tuple[FloatArray, FloatArray, NDArray[np.bool_]]
 
 
 class PixelFits:
@@ -74,46 +81,52 @@ class PixelFits:
         known: NDArray[np.int64] = self._pixels.measured[places].sum(axis=1) * self._pixels.values.shape[2]
         return known + len(self._family.prior)
 
-    def _problem(self, block: Block) -> Problem:
-        directions, values, whitener, _ = block
-        if isinstance(self._observable, Elements) and CompiledProblem.is_possible(self._family):
-            return CompiledProblem(self._family, self._observable, directions, values, whitener)
-        return Problem(self._family, self._observable, directions, values, whitener)
+    def _part(self, places: Places) -> _Part:
+        block, half_angle = self._pixels.block(places), self._family.detector_half_angle_rad
+        problem = _problem(self._family, self._observable, block)
+        if half_angle == 0.0:
+            return _Part(block, problem, problem)
+        block = block.away_from_the_mirror(_CONES * half_angle)
+        return _Part(block, _problem(self._family.in_single_directions(), self._observable, block), problem)
 
     def _send_pilots(self, good: Places) -> None:
         """Fit a few pixels well, to learn where their like end and how far data scatter."""
         places = good[np.unique(np.linspace(0, len(good) - 1, _PILOTS).astype(np.int64))]
-        block = self._pixels.block(places)
-        problem, which = self._problem(block), np.arange(len(places))
+        part = self._part(places)
         if self._pixels.share_directions:
-            self._search = SharedSearch(problem, self._seed)
-        starts = self._search.starts(problem, which, block, _POLISHED)
-        x, cost, settled = _best_end(problem, which, starts)
+            self._search = SharedSearch(part.rough, self._seed)
+        x, cost, settled = self._ends(part, np.arange(len(places)), _POLISHED)
         if self._pixels.share_directions:
-            self._search = SharedSearch(problem, self._seed, x[settled])
+            self._search = SharedSearch(part.rough, self._seed, x[settled])
         freedom = self._known(places) - len(self._family.names)
         if not self._pixels.has_errors and settled.any():
             self._variance = float(np.median(cost[settled] / np.maximum(freedom[settled], 1)))
 
     def _fit(self, places: Places, start: FloatArray | None) -> None:
-        block = self._pixels.block(places)
-        problem, which = self._problem(block), np.arange(len(places))
+        part, which = self._part(places), np.arange(len(places))
         if start is None:
-            starts = self._search.starts(problem, which, block, 1)
+            x, cost, settled = self._ends(part, which, 1)
         else:
-            starts = start[places if len(start) > 1 else 0 * places][:, None]
-        x, cost, settled = _best_end(problem, which, starts)
+            x, cost, settled = part.end(start[places] if len(start) > 1 else start.repeat(len(places), axis=0), which)
         known = self._known(places)
         likely = self._variance * chdtri(np.maximum(known - x.shape[1], 1), _UNLIKELY)
         doubted = np.flatnonzero(~(settled & (cost <= likely)))
         if len(doubted):
-            further = self._search.starts(problem, doubted, self._pixels.block(places[doubted]), _POLISHED)
-            other_x, other_cost, other_settled = _best_end(problem, doubted, further)
-            better = ~settled[doubted] | (other_cost < cost[doubted])
-            better &= other_settled
-            x[doubted[better]], cost[doubted[better]] = other_x[better], other_cost[better]
-            settled[doubted[better]] = True
-        self._keep(places, problem, which, x, settled, known)
+            other_x, other_cost, other_settled = self._ends(part, doubted, _POLISHED)
+            better = other_settled & (~settled[doubted] | (other_cost < cost[doubted]))
+            x[doubted[better]], settled[doubted[better]] = other_x[better], True
+        self._keep(places, part.problem, which, x, settled, known)
+
+    def _ends(self, part: _Part, which: Places, count: int) -> Ends:
+        """Where the best of so many starts end."""
+        starts = self._search.starts(part.rough, which, part.block.some(which), count)
+        begins = off_bounds(self._family, starts.reshape(-1, starts.shape[2]))
+        ends = minimise(part.rough, begins, np.repeat(which, count), most_steps=_MOST_STEPS)
+        cost = np.where(ends.settled, ends.cost, np.inf).reshape(-1, count)
+        best = np.arange(len(cost)) * count + np.argmin(cost, axis=1)
+        if part.problem is part.rough:
+            return ends.x[best], ends.cost[best], ends.settled[best]
+        return part.end(ends.x[best], which)
 
     def _keep(
         self,
@@ -146,14 +159,29 @@ class PixelFits:
             array[places] = values[determined]
 
 
-def _best_end(problem: Problem, which: Places, starts: FloatArray) -> tuple[FloatArray, FloatArray, NDArray[np.bool_]]:
-    """Where the best of several starts (b, count, P) ends, its cost, and whether it settled."""
-    count = starts.shape[1]
-    begins = off_bounds(problem.family, starts.reshape(-1, starts.shape[2]))
-    ends = minimise(problem.resolving(begins), begins, np.repeat(which, count), most_steps=_MOST_STEPS)
-    cost = np.where(ends.settled, ends.cost, np.inf).reshape(-1, count)
-    best = np.arange(len(cost)) * count + np.argmin(cost, axis=1)
-    return ends.x[best], ends.cost[best], ends.settled[best]
+@dataclass(frozen=True, eq=False)
+class _Part:
+    """Some of the pixels: what is minimised, and the block and the problem that starts are searched for with.
+
+    Cones cost a hundred directions for one, and what they average away moves an optimum by little.
+    """
+
+    block: Block
+    rough: Problem
+    problem: Problem
+
+    def end(self, start: FloatArray, which: Places) -> Ends:
+        """Where these starts (b, P) end."""
+        begins = off_bounds(self.problem.family, start)
+        ends = minimise(self.problem.resolving(begins), begins, which, most_steps=_MOST_STEPS)
+        return ends.x, ends.cost, ends.settled
+
+
+def _problem(family: SurfaceFamily, observable: Observable, block: Block) -> Problem:
+    directions, values, whitener, _ = block
+    if isinstance(observable, Elements) and CompiledProblem.is_possible(family):
+        return CompiledProblem(family, observable, directions, values, whitener)
+    return Problem(family, observable, directions, values, whitener)
 
 
 def _parts(places: Places) -> list[Places]:

@@ -6,15 +6,12 @@ from typing import Protocol
 
 import numpy as np
 
-from model.fit.family import SurfaceFamily
+from model.fit.bounds import off_bounds
 from model.fit.pixels import Block
 from model.fit.problem import Places, Problem
 from model.fit.shared_light import SharedLight
 from model.fit.start import _Box, sobol_starts
 from model.geometry import FloatArray
-
-# How far, as a share of its range, a start is moved off a bound: at k = 0 the slope by k is 0 whatever the data say.
-_OFF_BOUND = 0.02
 
 
 class Search(Protocol):
@@ -62,7 +59,7 @@ class SharedSearch:
 
     def starts(self, problem: Problem, which: Places, block: Block, count: int) -> FloatArray:
         """The best few starts; see `Search`."""
-        if block.measured.all():
+        if len(block.whitener) == 1 or block.measured.all():
             return self._light.best(block.values, block.whitener.mean(axis=0), count)
         starts = np.empty((len(which), count, len(problem.low)))
         # What is missing changes which weights are best: those that miss the same are looked at together.
@@ -71,14 +68,3 @@ class SharedSearch:
             alike = np.flatnonzero(kind.reshape(-1) == number)
             starts[alike] = self._light.best(block.values[alike], block.whitener[alike].mean(axis=0), count)
         return starts
-
-
-def off_bounds(family: SurfaceFamily, x: FloatArray) -> FloatArray:
-    """Points (b, P), where those that have a shape at its bound have it a little within."""
-    x = x.copy()
-    for name in family.shapes:
-        place, (low, high) = family.names.index(name), family.free[name]
-        margin = _OFF_BOUND * (high - low)
-        at = x[:, place]
-        x[:, place] = np.where(at <= low, low + margin, np.where(at >= high, high - margin, at))
-    return x

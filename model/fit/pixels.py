@@ -36,6 +36,24 @@ class Block(NamedTuple):
     whitener: FloatArray
     measured: NDArray[np.bool_]
 
+    def some(self, which: Places) -> Block:
+        """Some of these pixels."""
+        incidence, exit_, azimuth = (angle if angle.ndim == 1 else angle[which] for angle in self.directions)
+        whitener = self.whitener if len(self.whitener) == 1 else self.whitener[which]
+        return Block((incidence, exit_, azimuth), self.values[which], whitener, self.measured[which])
+
+    def away_from_the_mirror(self, angle_rad: float) -> Block:
+        """The same, where directions within an angle of the mirror direction have no weight, and are moved beside it.
+
+        There a cone sees other things than its axis.
+        """
+        incidence, exit_, azimuth = self.directions
+        close = (np.cos(azimuth) < 0.0) & (np.abs(exit_ - incidence) <= angle_rad)
+        beside = np.where(incidence > angle_rad, incidence - angle_rad, incidence + angle_rad)
+        whitener = np.where(np.atleast_2d(close)[:, None, None, :], 0.0, self.whitener)
+        directions = (incidence, np.where(close, beside, exit_), azimuth)
+        return Block(directions, self.values, whitener, self.measured & ~close)
+
 
 class Pixels:
     """B sets of values.

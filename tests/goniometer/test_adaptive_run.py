@@ -1,5 +1,6 @@
 """Scans that decide as they go, on the simulated bench: every byte over a socket, every reading through the journal."""
 
+import io
 import json
 import signal
 import subprocess
@@ -11,6 +12,7 @@ import pytest
 import yaml
 from click.testing import CliRunner
 from numpy.testing import assert_allclose
+from rich.console import Console
 
 import goniometer
 from acquisition.events import DirectionChosen, FitUpdated, PointReduced, ScanEnded, ScanStarted
@@ -19,6 +21,8 @@ from acquisition.expected_noise import expected_points, light_of
 from acquisition.fit_points import dataset, surface_family
 from acquisition.stokes_csv import read_stokes_csv
 from goniometer.cli import cli
+from goniometer.lasting_stream import LastingStream
+from goniometer.live_console import LiveConsole
 from goniometer.load_files import load_recipe
 from goniometer.planning import detection, plan, slots, timing
 from model.fit.design import Criterion
@@ -189,6 +193,20 @@ def test_a_person_at_the_console_sees_choices_and_the_reason_of_the_end(tmp_path
     assert "tells most about n per second (n 0." in done.stdout
     assert "iron at 60 degrees: finished, " in done.stdout
     assert "Reason: wanted standard errors reached: n 0.0" in done.stdout
+
+
+def test_the_live_view_shows_choices_and_what_is_still_wanted(tmp_path):
+    _, events = run(tmp_path, adaptive=True, until={"n": 0.05})
+    live = LiveConsole(LastingStream(io.StringIO()), now_s=lambda: 0.0)
+    for event in events[:-2]:
+        live(event)
+    page = Console(file=io.StringIO(), width=100, color_system=None)
+    page.print(live)
+    shown = page.file.getvalue()
+    assert "left at most" in shown
+    assert "why here    tells most about n per second" in shown
+    assert "wanted      n 0." in shown
+    assert " of None" not in shown
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="signals of this kind exist on POSIX only")
