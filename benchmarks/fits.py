@@ -118,7 +118,10 @@ def on_one_core(rounds: int, sample: int, count: int) -> Iterator[str]:
             "formulas": (lambda some=some: loop(some, by_formulas), sample),
         }
         ours(some)
-        taken = {key: [timed(call, ONE_CORE) / fits for _ in range(rounds)] for key, (call, fits) in calls.items()}
+        taken: dict[str, list[float]] = {key: [] for key in calls}
+        for _ in range(rounds):  # in turns, so that all share the machine's moods
+            for key, (call, fits) in calls.items():
+                taken[key].append(timed(call, ONE_CORE) / fits)
         times = {key: np.array(samples) for key, samples in taken.items()}
         ratios = {key: np.median(times[key] / times["ours"]) for key in ("by hand", "formulas")}
         yield (
@@ -184,8 +187,8 @@ def of_files(count: int, cores: int) -> Iterator[str]:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--rounds", type=int, default=5)
-    parser.add_argument("--sample", type=int, default=40, help="pixels of the loop over SciPy")
+    parser.add_argument("--rounds", type=int, default=9)
+    parser.add_argument("--sample", type=int, default=20, help="pixels of the loop over SciPy")
     parser.add_argument("--short", action="store_true", help="no image of 100 000 pixels")
     asked = parser.parse_args()
     cores = os.sched_getaffinity(0)

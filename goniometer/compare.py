@@ -17,6 +17,7 @@ from model.acceptance import half_angle_rad
 from model.fit.candidates import BOUNCES, candidates
 from model.fit.comparison import Compared, compare
 from model.fit.dataset import Objective
+from model.fit.ellipsometric import Ellipsometric
 
 UNLIKELY = 1e-3
 """Data refuse a model if chance alone gives a chi-square as high less often than this."""
@@ -108,6 +109,11 @@ def compare_models(path: Path, recipe: Path | None = None, objective: Objective 
     given = read_input(path)
     if recipe is not None:
         given = with_recipe(given, recipe)
+    if isinstance(given.data.observable, Ellipsometric):
+        raise FitError(
+            f"{path} holds psi and delta, of a sample that is taken for smooth: they tell its index, and no model of "
+            f"rough surfaces from another. Nothing was compared. Fit the index with goniometer fit {path}."
+        )
     choice, acceptance_sr = given.choice, given.acceptance_sr
     tried = candidates(
         None if choice is None else surface_family(choice, acceptance_sr),

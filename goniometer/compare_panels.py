@@ -127,7 +127,7 @@ def draw_strip(axes: Axes, residuals: FloatArray, line: Line, scans: Sequence[Sc
     axes.axhline(0.0, color=line.colour, lw=0.8)
     for scan in scans:
         axes.plot(scan.exit_deg, residuals[scan.rows], "o", color=line.colour, ms=2.6, mew=0.0)
-    top = max(1.3 * reach, 2.0 * _LINEAR)
+    top = max(1.6 * reach, 2.0 * _LINEAR)
     outermost = 10.0 ** np.floor(np.log10(top))
     axes.set_ylim(-top, top)
     axes.yaxis.set_major_locator(FixedLocator([-outermost, 0.0, outermost]))

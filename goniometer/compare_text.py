@@ -16,6 +16,7 @@ _HEADER = ("model", "parameters", "chi²/dof", "data", "AIC", "held-out", "rms D
 _ALIGN = "<>><>>>"
 _GAP = "   "
 _WIDTH = 118
+_MOST_COLUMNS = 6
 _COMPARED = {
     "stokes": "",
     "normalised": " Compared are the values divided by the first.",
@@ -47,10 +48,12 @@ def criterion(found: Comparison, model: Compared) -> str:
 
 def _head(found: Comparison) -> str:
     data = found.given.data
+    columns = data.observable.columns
+    shown = ", ".join(columns) if len(columns) <= _MOST_COLUMNS else f"{columns[0]} to {columns[-1]}"
     errors = "their errors known" if data.covariance is not None else "their errors not stated"
     return (
-        f"{data.name}: {len(data)} directions, {data.values.size} values of {', '.join(data.observable.columns)}, "
-        f"{errors}.{_COMPARED[found.objective]}"
+        f"{data.name}: {len(data)} directions, {data.values.size} values of {shown}, {errors}."
+        f"{_COMPARED[found.objective]}"
     )
 
 

@@ -82,7 +82,7 @@ def fit_files(
     if asked.recipe is not None:
         choice_from(asked.recipe)
     kept = out.with_name(out.name + ".done.jsonl")
-    if kept.exists() and not resume:
+    if not resume and kept.exists() and kept.stat().st_size:
         raise ConfigurationError(
             [
                 f"{kept} holds fits of an earlier run. Nothing was fitted. Go on with that run by --resume, or remove "

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from goniometer.errors import FitError
+from model.fit.bounds import off_bounds
 from model.fit.dataset import Dataset, Objective
 from model.fit.family import SurfaceFamily
 from model.fit.levenberg_marquardt import minimise
@@ -76,7 +77,8 @@ def bootstrap(
     compared = data.compared_by(objective)
     for name, value in result.held.items():
         family = family.holding(name, value)
-    noise = _noise(compared, result, count, seed)
+    random = np.random.default_rng(seed)
+    noise = _noise(compared, result, count, random)
     values = np.moveaxis(result.fitted + noise, 1, 2)
     whitener = np.moveaxis(compared.whitener, 0, -1)[None]
     start = np.array([[result.values[name] for name in family.names]])
@@ -84,7 +86,13 @@ def bootstrap(
     for first in range(0, count, _AT_ONCE):
         some = values[first : first + _AT_ONCE]
         problem = Problem(family, compared.observable, compared.directions, some, whitener)
-        ends = minimise(problem, np.repeat(start, len(some), axis=0), np.arange(len(some)), most_steps=_MOST_STEPS)
+        problem = problem.with_scattered_priors(random).resolving(start)
+        ends = minimise(
+            problem,
+            np.repeat(off_bounds(problem.family, start), len(some), axis=0),
+            np.arange(len(some)),
+            most_steps=_MOST_STEPS,
+        )
         if not ends.settled.all():
             raise FitError(
                 f"{int((~ends.settled).sum())} of {len(some)} bootstrap fits of {data.name} did not settle: the data "
@@ -94,8 +102,8 @@ def bootstrap(
     return Bootstrap(family.names, np.concatenate(samples))
 
 
-def _noise(data: Dataset, result: FitResult, count: int, seed: int) -> FloatArray:
-    random = np.random.default_rng(seed).standard_normal((count, *data.values.shape))
+def _noise(data: Dataset, result: FitResult, count: int, generator: np.random.Generator) -> FloatArray:
+    random = generator.standard_normal((count, *data.values.shape))
     if data.covariance is None:
         freedom = max(result.degrees_of_freedom, 1)
         return random * result.rms * float(np.sqrt(data.values.size / freedom))

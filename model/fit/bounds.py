@@ -10,7 +10,9 @@ from model.fit.problem import Problem
 from model.geometry import FloatArray
 
 _AT_BOUND, _BESIDE = 1e-6, 1e-2
-# How far, as a share of its range, a start is moved off a bound: at k = 0 the slope by k is 0 whatever the data say.
+_CERTAIN = 1e-2
+# How far, as a share of its range, a start is moved off a bound: near k = 0 the slope by k is about 0 whatever the data
+# say.
 _OFF_BOUND = 0.02
 
 
@@ -28,7 +30,9 @@ def is_held(problem: Problem, x: FloatArray, gradient: FloatArray, lengths2: Flo
     """
     unseen = problem.unseen(lengths2) & problem.is_weight
     width = problem.high - problem.low
-    close = np.where(np.isfinite(width), _AT_BOUND * width, 0.0)
+    # Of a wide box a small share may be many standard errors: they must be few as well.
+    certain = _CERTAIN / np.sqrt(np.where(lengths2 > 0.0, lengths2, np.inf))
+    close = np.minimum(np.where(np.isfinite(width), _AT_BOUND * width, 0.0), np.where(lengths2 > 0.0, certain, np.inf))
     at_low = (x <= problem.low + close) & ((gradient >= 0.0) | unseen | (x > problem.low))
     held: NDArray[np.bool_] = at_low | ((x >= problem.high - close) & ((gradient <= 0.0) | (x < problem.high)))
     return held
@@ -46,11 +50,10 @@ def is_vague(problem: Problem, x: FloatArray, stderr: FloatArray) -> NDArray[np.
 
 
 def off_bounds(family: SurfaceFamily, x: FloatArray) -> FloatArray:
-    """Points (b, P), where those that have a shape at its bound have it a little within."""
+    """Points (b, P), where those that have a shape at its bound, or beside it, have it a little within."""
     x = x.copy()
     for name in family.shapes:
         place, (low, high) = family.names.index(name), family.free[name]
         margin = _OFF_BOUND * (high - low)
-        at = x[:, place]
-        x[:, place] = np.where(at <= low, low + margin, np.where(at >= high, high - margin, at))
+        x[:, place] = np.clip(x[:, place], low + margin, high - margin)
     return x

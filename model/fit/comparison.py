@@ -15,7 +15,7 @@ from model.fit.family import SurfaceFamily
 from model.fit.fit import fit
 from model.fit.held_out import ROUNDING, HeldOut, held_out
 from model.fit.measured_dolp import MeasuredDolp, measured_dolp
-from model.fit.quantities import NOMINAL
+from model.fit.quantities import NOMINAL, is_weight
 from model.fit.result import FitResult
 
 
@@ -105,9 +105,10 @@ def _compared(values: Dataset, dolp: MeasuredDolp | None, candidate: Candidate) 
 
 
 def _told(family: SurfaceFamily, values: Dataset) -> SurfaceFamily:
-    """Without what ratios of light do not tell: the gain, and the roughness of facets that are the only lobe."""
+    """Without what ratios of light do not tell: how large weights and gain are, how rough facets that stand alone."""
     if values.observable.has_scale:
         return family
+    family = replace(family, prior={name: known for name, known in family.prior.items() if not is_weight(name)})
     if "gain" in family.free:
         family = family.holding("gain", NOMINAL["gain"])
     if len(family.lobes) == 1 and "sigma" in family.free:

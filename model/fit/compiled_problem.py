@@ -69,8 +69,7 @@ class CompiledProblem(Problem):
         count = x.shape[1]
         cost, gradient, normal = sums[:, 0], sums[:, 1 : 1 + count], sums[:, 1 + count :][:, _places(count)]
         if self._known:
-            mean, stddev = self._prior.T
-            off = (x[:, self._known] - mean) / stddev
+            off, stddev = self._off_priors(x, which), self._prior_stddev
             cost = cost + (off * off).sum(axis=1)
             gradient[:, self._known] += off / stddev
             normal[:, self._known, self._known] += stddev**-2
@@ -78,7 +77,10 @@ class CompiledProblem(Problem):
 
     def _summed(self, x: FloatArray, which: Places) -> FloatArray:
         values = dict(zip(self.family.names, x.T, strict=True))
-        shared_or_own = [array if len(array) == 1 else array[which] for array in (*self._directions, *self._measured)]
+        # As long as all of them move, nothing needs to be copied.
+        neighbours = len(which) > 0 and bool((np.diff(which) == 1).all())
+        some = slice(which[0], which[-1] + 1) if neighbours else which
+        shared_or_own = [array if len(array) == 1 else array[some] for array in (*self._directions, *self._measured)]
         inputs = self._sum.inputs(values, shared_or_own[:3])
         arrays = [*inputs[:3], *shared_or_own[3:], *inputs[3:]]
         summed: FloatArray = self._kernel.repeated(arrays, len(x), len(self._ones)) @ self._ones

@@ -16,7 +16,7 @@ from model.fit.uncertainty import Uncertainty, uncertainty
 from model.fit.weakness import weakness
 from model.geometry import FloatArray
 
-_EXCESS, _SAME = 4.0, 0.3
+_EXCESS, _SAME, _MOVED = 4.0, 0.3, 1e-2
 _UNLIKELY = 0.01
 _ONE = np.zeros(1, np.int64)
 
@@ -50,23 +50,23 @@ def conclude(
     at = problem.difference(x[None], _ONE)
     gradient = at.jacobian[0] @ at.residuals[0]
     lengths2 = np.einsum("bpr,bpr->bp", at.jacobian, at.jacobian)
-    inside = ~is_held(problem, x[None], gradient[None], lengths2)[0]
+    fitted = at.values[0]
+    left = whitened(np.moveaxis(data.whitener, 0, -1), fitted - data.values.T)
+    cost = float((left * left).sum()) + _from_priors(family, x)
+    values_known = data.values.size + len(family.prior)
+    scale = _scatter(data, cost, values_known - len(x))
+    inside = ~is_held(problem, x[None], gradient[None], lengths2 / scale**2)[0]
     known = uncertainty(at.jacobian[0][inside], _chosen(family.names, inside))
     stderr = np.zeros(len(x))
-    stderr[inside] = known.stderr
+    stderr[inside] = scale * known.stderr
     vague = is_vague(problem, x[None], stderr[None])[0]
     if vague.any():
         inside &= ~vague
         known = uncertainty(at.jacobian[0][inside], _chosen(family.names, inside))
     names = _chosen(family.names, inside)
-    fitted = at.values[0]
-    left = whitened(np.moveaxis(data.whitener, 0, -1), fitted - data.values.T)
-    freedom = data.values.size + len(family.prior) - len(names)
-    chi_square = float((left * left).sum()) + _from_priors(family, x)
-    scale = 1.0
-    if data.covariance is None:
-        scale = float(np.sqrt(chi_square / freedom)) if freedom > 0 else np.nan
-        chi_square = float(freedom)
+    freedom = values_known - len(names)
+    scale = _scatter(data, cost, freedom)
+    chi_square = cost if data.covariance is not None else float(freedom)
     known = known.scaled(scale)
     errors = dict(zip(names, known.stderr.tolist(), strict=True))
     values = dict(zip(family.names, x.tolist(), strict=True))
@@ -88,6 +88,13 @@ def conclude(
         surface=family.seen(values),
         columns=data.observable.columns,
     )
+
+
+def _scatter(data: Dataset, cost: float, freedom: int) -> float:
+    """By how much errors are larger than the whitener has them: 1 where they are known, else what the scatter says."""
+    if data.covariance is not None:
+        return 1.0
+    return float(np.sqrt(cost / freedom)) if freedom > 0 and cost > 0.0 else np.nan
 
 
 def _chosen(names: tuple[str, ...], inside: NDArray[np.bool_]) -> tuple[str, ...]:
@@ -117,7 +124,10 @@ def _alternatives(
 
 def _differ(one: FloatArray, other: FloatArray, stderr: FloatArray, inside: NDArray[np.bool_]) -> bool:
     apart = np.abs(one - other)
-    return bool((apart[inside] > _SAME * stderr).any() or (apart[~inside] > 1e-3 * np.abs(one[~inside])).any())
+    return bool(
+        (apart[inside] > _SAME * stderr).any()
+        or (apart[~inside] > _MOVED * np.maximum(np.abs(one[~inside]), _MOVED)).any()
+    )
 
 
 def _outliers(left: FloatArray) -> tuple[Outlier, ...]:

@@ -8,6 +8,7 @@ import numpy as np
 from scipy.special import chdtri
 
 from goniometer.errors import FitError
+from model.fit.bounds import off_bounds
 from model.fit.conclusion import conclude
 from model.fit.dataset import OBJECTIVES, Dataset, Objective
 from model.fit.family import SurfaceFamily, whole_family
@@ -24,7 +25,6 @@ _SEARCHES = ("sobol", "genetic")
 # hundredths of a standard error, and the next point moves the optimum by more; along a valley it goes on next time.
 _MOST_STEPS, _SETTLED = 1000, 1e-12
 _FOLLOWING_STEPS, _FOLLOWED = 25, 1e-6
-_ASIDE = 1e-2
 _TOLERATED = 0.05
 
 
@@ -78,7 +78,10 @@ def fit(
     if search not in _SEARCHES:
         raise ValueError(f"search is '{search}'; allowed is one of {list(_SEARCHES)}.")
     problem, compared, held = _problem(data, surface, objective, robust)
-    begins = starts(compared, problem, search, seed) if start is None else _checked_start(problem, start)
+    if start is None:
+        begins = starts(compared, problem, search, seed)
+    else:
+        begins = off_bounds(problem.family, _checked_start(problem, start))
     problem = problem.resolving(begins)
     ends = minimise(problem, begins, np.zeros(len(begins), np.int64), most_steps=_MOST_STEPS, settled=_SETTLED)
     best = int(np.argmin(np.nan_to_num(ends.cost, nan=np.inf)))
@@ -117,17 +120,10 @@ def follow(
         As for `fit`, but for least squares that have not settled.
     """
     problem, compared, held = _problem(data, surface, objective, robust)
-    begin = _off_bounds(problem, _checked_start(problem, last.values))
+    begin = off_bounds(problem.family, _checked_start(problem, last.values))
     problem = problem.resolving(begin)
     end = minimise(problem, begin, np.zeros(1, np.int64), most_steps=_FOLLOWING_STEPS, settled=_FOLLOWED)
     return conclude(problem, compared, end, 0, held, False)
-
-
-def _off_bounds(problem: Problem, x: FloatArray) -> FloatArray:
-    """Points a little inside the box: at k = 0 reflectance has no slope by k, and no step would ever leave it."""
-    shapes = np.array([name in problem.family.shapes for name in problem.family.names])
-    aside = np.where(shapes, _ASIDE * (problem.high - problem.low), 0.0)
-    return np.clip(x, problem.low + aside, problem.high - aside)
 
 
 def _problem(
@@ -144,6 +140,11 @@ def _problem(
         raise FitError(
             f"A robust fit needs to know which distance is far, and {compared.name} have no errors. Nothing was "
             f"fitted. Give standard errors, or fit without robust."
+        )
+    if family.prior and compared.covariance is None:
+        raise FitError(
+            f"What is known of {' and '.join(family.prior)} beforehand cannot be weighed against {compared.name}, "
+            f"which count without errors here. Nothing was fitted. Give standard errors, or leave the prior out."
         )
     tolerated = float(np.sqrt(chdtri(compared.values.shape[1], _TOLERATED))) if robust else np.inf
     return Problem.of(compared, family, tolerated), compared, held

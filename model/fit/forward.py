@@ -67,7 +67,8 @@ class Forward:
         """Light (b, E, N) and derivatives (b, P, E, N) for the parameters x (b, P) of these problems."""
         values = dict(zip(self._family.names, x.T, strict=True))
         directions = [angle if len(angle) == 1 else angle[problems] for angle in self._directions]
-        light, slopes = self._cones(values, directions) if self._has_cones else self._rays_of(values, directions)
+        seen = self._cones if self._has_cones else self._rays_of
+        light, slopes = seen(values, directions, len(x))
         return reported(self._family, values, light, slopes)
 
     def resolving(self, x: FloatArray) -> Forward:
@@ -82,23 +83,27 @@ class Forward:
     def _resolving(self, narrowest: Mapping[str, float]) -> Acceptance:
         return Acceptance(self._family.surface_of(narrowest), self._family.detector_half_angle_rad)
 
-    def _rays_of(self, values: Mapping[str, FloatArray], directions: Sequence[FloatArray]) -> tuple[FloatArray, ...]:
-        at, turns = moved(self._family, values, directions)
+    def _rays_of(
+        self, values: Mapping[str, FloatArray], directions: Sequence[FloatArray], count: int
+    ) -> tuple[FloatArray, ...]:
+        at, turns = moved(self._family, values, directions, count)
         only = self._sums[0]
-        light, slopes = only(values, at, len(next(iter(values.values()))), self._elements)
+        light, slopes = only(values, at, count, self._elements)
         names = [*only.varied, *self._moving]
         for name, turn in turns.items():
             slopes[:, names.index(name)] *= turn[:, None, :]
         return light, self._in_order(slopes, names)
 
-    def _cones(self, values: Mapping[str, FloatArray], directions: Sequence[FloatArray]) -> tuple[FloatArray, ...]:
+    def _cones(
+        self, values: Mapping[str, FloatArray], directions: Sequence[FloatArray], count: int
+    ) -> tuple[FloatArray, ...]:
         if not self._moving:
             if self._rays is None:
                 self._rays = self._nodes([angle[0] for angle in self._directions])
-            light, slopes = self._mean(values, self._rays)
+            light, slopes = self._mean(values, self._rays, count)
             return light, self._in_order(slopes, [*self._sums[0].varied])
         lights, shapes = [], []
-        for i in range(len(next(iter(values.values())))):
+        for i in range(count):
             one = {name: value[i : i + 1] for name, value in values.items()}
             own = [angle[min(i, len(angle) - 1)][None] for angle in directions]
             light, slopes = self._mean_at(one, own)
@@ -114,18 +119,18 @@ class Forward:
         return np.concatenate(lights), self._in_order(np.concatenate(shapes), names)
 
     def _mean_at(self, values: Mapping[str, FloatArray], directions: Sequence[FloatArray]) -> tuple[FloatArray, ...]:
-        at, _ = moved(self._family, values, directions)
-        return self._mean(values, self._nodes([angle[0] for angle in at]))
+        at, _ = moved(self._family, values, directions, 1)
+        return self._mean(values, self._nodes([angle[0] for angle in at]), 1)
 
     def _nodes(self, directions: Sequence[FloatArray]) -> list[Rays]:
         return [self._acceptance.rays(part, directions) for part in self._acceptance.parts]
 
-    def _mean(self, values: Mapping[str, FloatArray], rays: Sequence[Rays]) -> tuple[FloatArray, ...]:
+    def _mean(self, values: Mapping[str, FloatArray], rays: Sequence[Rays], count: int) -> tuple[FloatArray, ...]:
         light: FloatArray | float = 0.0
         slopes: FloatArray | float = 0.0
         for some, at in zip(self._sums, rays, strict=True):
             nodes = [angle.reshape(1, -1) for angle in at.angles]
-            bright, steep = some(values, nodes, len(next(iter(values.values()))), self._elements)
+            bright, steep = some(values, nodes, count, self._elements)
             light = light + _averaged(bright, at)
             slopes = slopes + _averaged(steep, at)
         return np.asarray(light), np.asarray(slopes)

@@ -14,7 +14,7 @@ ANGLES = {"incidence_offset_rad": "incidence", "exit_offset_rad": "exit"}
 
 
 def moved(
-    family: SurfaceFamily, values: Mapping[str, FloatArray], directions: Sequence[FloatArray]
+    family: SurfaceFamily, values: Mapping[str, FloatArray], directions: Sequence[FloatArray], count: int
 ) -> tuple[list[FloatArray], dict[str, FloatArray]]:
     """Where the rays truly are, and for each free offset how fast the angle that it changes rises with it.
 
@@ -24,7 +24,6 @@ def moved(
     if not any(name in values or name in family.fixed for name in ANGLES):
         return [incidence, exit_, azimuth], {}
     turns = {}
-    count = len(next(iter(values.values())))
     for name in ANGLES:
         offset = np.asarray(values.get(name, family.held(name)))
         if name not in values and not offset.any():

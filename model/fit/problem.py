@@ -97,7 +97,8 @@ class Problem:
         self.low, self.high = (np.array([family.free[name][side] for name in family.names]) for side in (0, 1))
         self.is_weight = np.array([name in family.weights for name in family.names], bool)
         self._known = [family.names.index(name) for name in family.prior]
-        self._prior = np.array(list(family.prior.values())).reshape(-1, 2)
+        mean, self._prior_stddev = np.array(list(family.prior.values())).reshape(-1, 2).T
+        self._prior_mean = mean[None]
         # What rounding leaves of the difference between equals.
         self.rounding = 1e-28 * np.einsum("bmn,bmn->b", self._target, self._target)
 
@@ -106,6 +107,13 @@ class Problem:
         """The problem of one set of data."""
         values, whitener = data.values.T[None], np.moveaxis(data.whitener, 0, -1)[None]
         return cls(family, data.observable, data.directions, values, whitener, tolerated)
+
+    def with_scattered_priors(self, random: np.random.Generator) -> Problem:
+        """The same problem with the means of priors as another measurement of them would have given, for each set."""
+        anew = copy.copy(self)
+        scatter = random.standard_normal((self.count, len(self._known)))
+        anew._prior_mean = self._prior_mean + self._prior_stddev * scatter
+        return anew
 
     def resolving(self, x: FloatArray) -> Problem:
         """The same problem with cones' nodes just dense enough for surfaces like these, x (b, P)."""
@@ -156,13 +164,18 @@ class Problem:
         b = len(x)
         residuals, jacobian = residuals.reshape(b, -1), jacobian.reshape(b, x.shape[1], -1)
         if self._known:
-            mean, stddev = self._prior.T
-            off = (x[:, self._known] - mean) / stddev
+            off = self._off_priors(x, which)
             pull = np.zeros((b, x.shape[1], len(self._known)))
-            pull[:, self._known, range(len(self._known))] = 1.0 / stddev
+            pull[:, self._known, range(len(self._known))] = 1.0 / self._prior_stddev
             residuals, jacobian = np.concatenate([residuals, off], axis=1), np.concatenate([jacobian, pull], axis=2)
             cost = cost + (off * off).sum(axis=1)
         return Difference(residuals, jacobian, cost, values)
+
+    def _off_priors(self, x: FloatArray, which: Places) -> FloatArray:
+        """How many standard deviations parameters are off what is known of them."""
+        mean = self._prior_mean if len(self._prior_mean) == 1 else self._prior_mean[which]
+        off: FloatArray = (x[:, self._known] - mean) / self._prior_stddev
+        return off
 
     def normal_equations(self, x: FloatArray, which: Places) -> NormalEquations:
         """The normal equations of surfaces with the parameters x (b, P) and the sets of data of these numbers (b,)."""

@@ -89,6 +89,8 @@ def profile(
     """
     if name not in result.parameters:
         raise ValueError(f"the fit has no parameter '{name}'; it has {list(result.parameters)}.")
+    for known, value in result.held.items():
+        family = family.holding(known, value)
     best = result.parameters[name].value
     found = [(best, 0.0)]
     for side in (-1, 1):

@@ -11,6 +11,7 @@ import numpy as np
 
 from model.fit.dataset import Dataset
 from model.fit.family import SurfaceFamily
+from model.fit.instrument import ANGLES
 from model.fit.levenberg_marquardt import minimise
 from model.fit.problem import Problem
 from model.fit.start import Search, genetic_start, sobol_starts
@@ -41,7 +42,9 @@ def starts(data: Dataset, problem: Problem, search: Search, seed: int) -> FloatA
         # What a cone averages away moves the optimum by less than starts are apart.
         rough = Problem.of(_away_from_the_pole(data, problem.family), problem.family.in_single_directions())
     starts = (
-        genetic_start(rough, 0, seed)[None] if search == "genetic" else sobol_starts(rough, _ONE, _POLISHED, seed)[0]
+        genetic_start(rough, 0, seed)[None]
+        if search == "genetic"
+        else sobol_starts(rough, _ONE, _polished(problem), seed)[0]
     )
     if rough is problem:
         return starts
@@ -52,6 +55,10 @@ def starts(data: Dataset, problem: Problem, search: Search, seed: int) -> FloatA
         if not any(np.allclose(x, other, rtol=_CLOSE, atol=_CLOSE * np.abs(x).max()) for other in apart):
             apart.append(x)
     return np.array(apart)
+
+
+def _polished(problem: Problem) -> int:
+    return _POLISHED * (4 if any(name in ANGLES for name in problem.family.names) else 1)
 
 
 def _away_from_the_pole(data: Dataset, family: SurfaceFamily) -> Dataset:

@@ -75,10 +75,10 @@ class SharedLight:
             right = [
                 _products(target, columns[:, i]) - (columns[:, i] * held).sum(axis=1) for i in range(len(self._places))
             ]
-            weights, explained = _non_negative(gram, right, (len(target), points))
-            cost = -explained
+            fixed = np.zeros((len(target), points))
             if held.any():
-                cost += (held * held).sum(axis=1) - 2.0 * _products(target, held)
+                fixed += (held * held).sum(axis=1) - 2.0 * _products(target, held)
+            weights, cost = _weighed(gram, right, fixed, only_best=count == 1)
             cost = np.where(np.isfinite(cost), cost, np.inf)
             chosen = np.argsort(cost, axis=1)[:, :count] if count > 1 else np.argmin(cost, axis=1)[:, None]
             starts[block] = self._points[chosen]
@@ -100,26 +100,44 @@ def _products(sets: FloatArray, points: FloatArray) -> FloatArray:
     return products
 
 
-def _non_negative(
-    gram: FloatArray, right: list[FloatArray], shape: tuple[int, int]
+def _weighed(
+    gram: FloatArray, right: list[FloatArray], fixed: FloatArray, *, only_best: bool
 ) -> tuple[list[FloatArray], FloatArray]:
-    """Weights w >= 0 that minimise w·gram·w - 2 right·w, and how much lower than 0 that is.
+    """Weights w >= 0 that minimise w·gram·w - 2 right·w + fixed, and the minima; one array (b, Q) for each weight.
 
     The matrices (Q, L, L) are shared by all sets, so that every choice of weights above 0 is solved for once and then
-    only multiplied; arrays hold one weight each for all sets and points, (b, Q).
+    only multiplied. If only the best point counts, no more than that is sure to be right.
     """
-    weights = [np.zeros(shape) for _ in right]
-    explained = np.zeros(shape)
+    weights, cost = [np.zeros_like(fixed) for _ in right], fixed.copy()
+    unsure = np.arange(len(fixed))
+    if only_best:
+        # Bounds make nothing better: where the best point needs none, the other choices need not be tried.
+        weights, cost = _solved(gram, right, fixed, tuple(range(len(right))))
+        best = np.argmin(cost, axis=1)
+        unsure = np.flatnonzero(~np.all([weight[range(len(best)), best] >= 0.0 for weight in weights], axis=0))
+        right, fixed = [one[unsure] for one in right], fixed[unsure]
+    others, lowest = [np.zeros_like(fixed) for _ in right], fixed.copy()
     for size in range(1, len(right) + 1):
         for some in combinations(range(len(right)), size):
-            inverse = np.linalg.inv(gram[np.ix_(range(len(gram)), some, some)] + _RIDGE * np.eye(size))
-            found = [sum(inverse[:, i, j] * right[other] for j, other in enumerate(some)) for i in range(size)]
-            value = sum(weight * right[one] for weight, one in zip(found, some, strict=True))
-            better = value > explained
+            found, value = _solved(gram, right, fixed, some)
+            better = value < lowest
             for weight in found:
                 better &= weight >= 0.0
-            explained = np.where(better, value, explained)
-            for one in range(len(right)):
-                taken = found[some.index(one)] if one in some else 0.0
-                weights[one] = np.where(better, taken, weights[one])
-    return weights, explained
+            lowest = np.where(better, value, lowest)
+            others = [np.where(better, new, old) for new, old in zip(found, others, strict=True)]
+    cost[unsure] = lowest
+    for weight, other in zip(weights, others, strict=True):
+        weight[unsure] = other
+    return weights, cost
+
+
+def _solved(
+    gram: FloatArray, right: list[FloatArray], fixed: FloatArray, some: tuple[int, ...]
+) -> tuple[list[FloatArray], FloatArray]:
+    """Weights of which all but some are 0, without a bound, and the minima."""
+    inverse = np.linalg.inv(gram[np.ix_(range(len(gram)), some, some)] + _RIDGE * np.eye(len(some)))
+    weights, cost = [np.zeros((1, 1)) for _ in right], fixed
+    for i, one in enumerate(some):
+        weights[one] = sum((inverse[:, i, j] * right[other] for j, other in enumerate(some)), np.zeros(()))
+        cost = cost - weights[one] * right[one]
+    return weights, cost

@@ -11,6 +11,7 @@ from typing import Literal
 
 import numpy as np
 
+from model.fit.instrument import ANGLES
 from model.fit.problem import Places, Problem
 from model.fit.quantities import INSTRUMENT, NOMINAL, quantity
 from model.geometry import FloatArray
@@ -129,7 +130,8 @@ class _Box:
     def __init__(self, problem: Problem) -> None:
         family = problem.family
         self._problem = problem
-        self._searched = list(family.shapes)
+        # An arm off its zero makes optima of its own, for the model has edges that it moves over the data.
+        self._searched = [*family.shapes, *(name for name in family.instrument if name in ANGLES)]
         if not problem.observable.is_linear:
             self._searched += family.weights
         self.dimension = len(self._searched)
@@ -155,6 +157,8 @@ class _Box:
         from scipy.stats import qmc
 
         count = POINTS if self._problem.observable.is_linear else _POINTS_OF_RATIOS
+        if any(name in ANGLES for name in self._searched):
+            count *= 4
         return self.at(qmc.Sobol(self.dimension, scramble=True, seed=seed).random(count))
 
     def at(self, unit: FloatArray) -> FloatArray:

@@ -200,6 +200,13 @@ def test_data_that_no_model_can_be_fitted_to_are_refused(tmp_path: Path, command
     assert f"No model can be fitted to {table}:\n  PriestGermer: 3 values (1 directions) cannot determine" in err
 
 
+def test_ellipsometry_of_a_smooth_sample_compares_nothing(tmp_path: Path) -> None:
+    table = tmp_path / "psi.csv"
+    table.write_text("incidence_deg,psi_deg,delta_deg\n60,30,170\n65,28,160\n70,26,140\n")
+    with pytest.raises(FitError, match=r"psi\.csv holds psi and delta.*Nothing was compared"):
+        compare_models(table)
+
+
 def test_an_objective_that_the_data_do_not_allow_is_refused(tmp_path: Path) -> None:
     with pytest.raises(FitError, match="objective normalised cannot be had"):
         compare_models(dolp_table(tmp_path / "dolp.csv"), objective="normalised")

@@ -315,6 +315,20 @@ def test_data_of_the_dolp_alone_rank_models(errors_known: bool) -> None:
     assert list(facets.fit.parameters) == ["n", "k"]
 
 
+def test_what_ratios_do_not_tell_is_left_out() -> None:
+    data = measure(ALL["Hyde"], {"sigma": 0.3, "n": 1.6, "k": 0.0, "rho_s": 0.8, "rho_d": 0.2}, noise_seed=0)
+    known = lobe_family(
+        ("specular",),
+        {"sigma": (0.1, 0.5), "n": (1.0, 3.0), "gain": (0.9, 1.1)},
+        {"k": 0.0},
+        prior={"gain": (1.0, 0.01), "rho_s": (0.8, 0.01)},
+    )
+    tried = [candidate for candidate in candidates(known) if candidate.name == "Hyde"]
+    [found] = compare(data, tried, objective="dolp")
+    assert list(found.fit.parameters) == ["sigma", "n", "rho_d"]
+    assert_allclose(found.fit.values["rho_d"], 0.25, rtol=0.05)
+
+
 def test_exact_data_without_errors_prefer_the_simplest_true_model() -> None:
     data = measure(ALL["Hyde"], {"sigma": 0.3, "n": 2.0, "k": 3.0, "rho_s": 0.8, "rho_d": 0.2})
     # Of as many digits as a file may hold.
