@@ -143,7 +143,9 @@ def fit(
             raise click.UsageError("--workers and --scheduler exclude each other: choose one.")
         from goniometer.fit_many import fit_files
         from goniometer.fit_row import Asked
+        from goniometer.output_file import require_output
 
+        require_output(out, (".csv", ".parquet"), paths)
         asked = Asked(recipe, changes)
         many = fit_files(paths, out, asked, sys.stderr, workers=workers, scheduler=scheduler, resume=resume)
         if not many.all_fitted:
@@ -152,6 +154,10 @@ def fit(
         return
     from goniometer.fit_command import fit_one
 
+    if out is not None:
+        from goniometer.output_file import require_output
+
+        require_output(out, (".json",), [*paths, *([recipe] if recipe else [])])
     fitted = fit_one(paths[0], recipe, changes, profiled=profiled, bootstrapped=bootstrap or 0)
     for note in fitted.notes:
         click.echo(note, err=True)
@@ -179,7 +185,10 @@ def compare(
     """Fit the published models and our own to the same data, and rank them by how well they describe it."""
     from goniometer.compare import compare_models
     from goniometer.compare_text import compare_text
+    from goniometer.output_file import require_output
 
+    if plot is not None:
+        require_output(plot, (".png",), [path, *([recipe] if recipe else [])])
     found = compare_models(path, recipe, objective)
     click.echo(found.json_text() if as_json else compare_text(found))
     if plot is not None:
@@ -214,11 +223,14 @@ def budget(
 ) -> None:
     """Predict a recipe's standard errors before the scan, and what changes would cost and gain. Moves nothing."""
     from goniometer.budget_command import BudgetAsked, run_budget
+    from goniometer.output_file import require_output
 
     if design is None and (time_s is not None or criterion is not None):
         raise click.UsageError("--time and --criterion are about a design: name its file with --design.")
     if criterion == "c" and wanted is None:
         raise click.UsageError("--criterion c needs a parameter: name it with --for.")
+    if plot is not None:
+        require_output(plot, (".png",), [recipe])
     criterion = criterion or ("c" if wanted else "d")
     report = run_budget(BudgetAsked(recipe, rig, wanted, assumptions, plot, design, time_s, criterion))
     click.echo(json.dumps(report.data, indent=2) if as_json else report.text)

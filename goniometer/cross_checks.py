@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from acquisition.recipe import Recipe
+from goniometer.planning import beginning
 from goniometer.rig_file import NewportEsp301Entry, OrientalAzEntry, Rig, Role, ThorlabsFw102cEntry
 from goniometer.yaml_file import Fault, KeyPath, YamlFile
 from model.acceptance import WIDEST_RAD, half_angle_rad
@@ -85,6 +86,19 @@ def _angles(recipe: Recipe) -> Iterator[tuple[Role, KeyPath, float]]:
         yield "detector_arm", ("exit_deg", number), angle
     if recipe.reference is not None:
         yield "detector_arm", ("reference", "exit_deg"), recipe.reference.exit_deg
+
+
+def time_limit_on_rig(recipe: Recipe, file: YamlFile, rig: Rig, rig_path: Path) -> Iterator[Fault]:
+    """Whether a scan that decides as it goes has time for a direction; for a recipe and a rig that fit together."""
+    if recipe.time_limit_s is None:
+        return
+    first_s = sum(step.duration_s for step in beginning(recipe, rig) if step.point == 0)
+    if first_s > recipe.time_limit_s:
+        yield file.fault(
+            ("time_limit_s",),
+            f"got {recipe.time_limit_s:g}; allowed: at least {math.ceil(first_s)}, because the first direction takes "
+            f"so long on {rig_path}",
+        )
 
 
 def recipe_on_scene(recipe: Recipe, file: YamlFile, scene: Scene, scene_path: Path) -> Iterator[Fault]:

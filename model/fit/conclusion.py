@@ -54,7 +54,7 @@ def conclude(
     left = whitened(np.moveaxis(data.whitener, 0, -1), fitted - data.values.T)
     cost = float((left * left).sum()) + _from_priors(family, x)
     values_known = data.values.size + len(family.prior)
-    scale = _scatter(data, cost, values_known - len(x))
+    scale = _scatter(data, max(cost, problem.rounding[0]), values_known - len(x))
     inside = ~is_held(problem, x[None], gradient[None], lengths2 / scale**2)[0]
     known = uncertainty(at.jacobian[0][inside], _chosen(family.names, inside))
     stderr = np.zeros(len(x))
@@ -65,7 +65,7 @@ def conclude(
         known = uncertainty(at.jacobian[0][inside], _chosen(family.names, inside))
     names = _chosen(family.names, inside)
     freedom = values_known - len(names)
-    scale = _scatter(data, cost, freedom)
+    scale = _scatter(data, max(cost, problem.rounding[0]), freedom)
     chi_square = cost if data.covariance is not None else float(freedom)
     known = known.scaled(scale)
     errors = dict(zip(names, known.stderr.tolist(), strict=True))

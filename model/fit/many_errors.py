@@ -34,7 +34,7 @@ class Errors(NamedTuple):
     held: NDArray[np.bool_]
 
 
-def standard_errors(problem: Problem, x: FloatArray, which: Places, at: NormalEquations) -> Errors:
+def standard_errors(problem: Problem, x: FloatArray, which: Places, at: NormalEquations, scatter: FloatArray) -> Errors:
     """Standard errors of fits that ended at x (b, P), and the parameters that have none.
 
     Parameters
@@ -47,10 +47,14 @@ def standard_errors(problem: Problem, x: FloatArray, which: Places, at: NormalEq
         Shape (b,), for which sets of data.
     at : NormalEquations
         There.
+    scatter : ndarray
+        Shape (b,): about how much larger errors are than the whitening has them, to tell what is close to a bound;
+        standard errors are those of the whitening.
     """
-    held = is_held(problem, x, at.gradient, np.einsum("bpp->bp", at.normal))
+    larger = scatter[:, None]
+    held = is_held(problem, x, at.gradient, np.einsum("bpp->bp", at.normal) / larger**2)
     stderr = _of_the_others(problem, x, which, at.normal, held)
-    vague = is_vague(problem, x, stderr)
+    vague = is_vague(problem, x, stderr * larger)
     again = np.flatnonzero(vague.any(axis=1))
     if len(again):
         held[again] |= vague[again]

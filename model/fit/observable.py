@@ -13,6 +13,10 @@ STOKES, MUELLER = 4, 16
 """How many elements light has: a Stokes vector under unpolarized light, or a Mueller matrix, row by row."""
 
 
+_CANCELLED = 1e-13
+"""Of the difference of two terms, what share of them is rounding."""
+
+
 class Observable(ABC):
     """Values that follow from the elements of light in one direction, and how fast they change with these."""
 
@@ -97,7 +101,7 @@ class Ratios(Observable):
         picked = list(self.picked)
         inverse = 1.0 / light[..., :1, :]
         values = light[..., picked, :] * inverse
-        changes = slopes[..., picked, :] - values[..., None, :, :] * slopes[..., :1, :]
+        changes = _less(slopes[..., picked, :], values[..., None, :, :] * slopes[..., :1, :])
         return values, changes * inverse[..., None, :, :]
 
 
@@ -126,7 +130,13 @@ class Dolp(Observable):
         dolp = polarized / s0
         ds0, ds1, ds2 = (slopes[..., i : i + 1, :] for i in range(3))
         along = (s1 * toward)[..., None, :, :] * ds1 + (s2 * toward)[..., None, :, :] * ds2
-        return dolp, (along - dolp[..., None, :, :] * ds0) / s0[..., None, :, :]
+        return dolp, _less(along, dolp[..., None, :, :] * ds0) / s0[..., None, :, :]
+
+
+def _less(one: FloatArray, other: FloatArray) -> FloatArray:
+    """The difference, and 0 where nothing of it is left but rounding: there a ratio does not change."""
+    left = one - other
+    return np.where(np.abs(left) > _CANCELLED * np.abs(one), left, 0.0)
 
 
 def _name(place: int, elements: int) -> str:

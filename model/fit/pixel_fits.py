@@ -141,12 +141,10 @@ class PixelFits:
         result.status[places[~settled]] = Status.NOT_SETTLED
         places, which, x, known = places[settled], which[settled], x[settled], known[settled]
         at = problem.normal_equations(x, which)
-        stderr, held = standard_errors(problem, x, which, at)
+        stderr, held = standard_errors(problem, x, which, at, self._scatter(at.cost, known - x.shape[1]))
         determined = (held | np.isfinite(stderr)).all(axis=1)
         freedom = known - (~held).sum(axis=1)
-        if not self._pixels.has_errors:
-            with np.errstate(divide="ignore", invalid="ignore"):
-                stderr *= np.sqrt(np.where(freedom > 0, at.cost / freedom, np.nan))[:, None]
+        stderr *= self._scatter(at.cost, freedom)[:, None]
         result.status[places[~determined]] = Status.UNDETERMINED
         places = places[determined]
         for array, values in (
@@ -157,6 +155,13 @@ class PixelFits:
             (result.degrees_of_freedom, freedom),
         ):
             array[places] = values[determined]
+
+    def _scatter(self, cost: FloatArray, freedom: NDArray[np.int64]) -> FloatArray:
+        """By how much errors are larger than the whitening has them: 1 where they are known."""
+        if self._pixels.has_errors:
+            return np.ones(len(cost))
+        told = (freedom > 0) & (cost > 0.0)
+        return np.sqrt(np.where(told, cost / np.where(told, freedom, 1), np.nan))
 
 
 @dataclass(frozen=True, eq=False)

@@ -126,7 +126,7 @@ class Problem:
 
         That is so of a lobe's weight too when its light is lost in the last digit of the brightest lobe's.
         """
-        brightest = np.where(self.is_weight, lengths2, 0.0).max(axis=1, keepdims=True)
+        brightest = np.where(self.is_weight, lengths2, 0.0).max(axis=1, keepdims=True, initial=0.0)
         return lengths2 <= np.where(self.is_weight, _DARK * brightest, 0.0)
 
     @property
@@ -162,7 +162,8 @@ class Problem:
         if np.isfinite(self.tolerated):
             residuals, jacobian, cost = self._bounded(residuals, jacobian)
         b = len(x)
-        residuals, jacobian = residuals.reshape(b, -1), jacobian.reshape(b, x.shape[1], -1)
+        residuals = residuals.reshape(b, -1)
+        jacobian = jacobian.reshape(b, x.shape[1], residuals.shape[1])
         if self._known:
             off = self._off_priors(x, which)
             pull = np.zeros((b, x.shape[1], len(self._known)))

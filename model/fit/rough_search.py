@@ -58,7 +58,9 @@ def starts(data: Dataset, problem: Problem, search: Search, seed: int) -> FloatA
 
 
 def _polished(problem: Problem) -> int:
-    return _POLISHED * (4 if any(name in ANGLES for name in problem.family.names) else 1)
+    # Arms off their zero, and weights that are searched too, make more valleys.
+    many = not problem.observable.is_linear or any(name in ANGLES for name in problem.family.names)
+    return 4 * _POLISHED if many else _POLISHED
 
 
 def _away_from_the_pole(data: Dataset, family: SurfaceFamily) -> Dataset:

@@ -48,6 +48,6 @@ def weakness(
     )
     with np.errstate(invalid="ignore", over="ignore"):  # where nothing is seen, or a pole is, nothing is told
         rows = elsewhere.difference(x[None], _ONE).jacobian[0][[family.names.index(name) for name in names]]
-    change = (known.weakest @ rows)[: middle.shape[1] * len(exit_rad)].reshape(middle.shape[1], -1)
-    told = np.nan_to_num((change * change).sum(axis=0), posinf=0.0)
+        change = (known.weakest @ rows)[: middle.shape[1] * len(exit_rad)].reshape(middle.shape[1], -1)
+        told = np.nan_to_num((change * change).sum(axis=0), posinf=0.0)
     return Weakness(dict(zip(names, known.weakest.tolist(), strict=True)), float(np.radians(exit_deg[np.argmax(told)])))
