@@ -115,7 +115,9 @@ def _draw_column(
         strip.tick_params(labelbottom=place == len(lines) - 1)
         if place == 0:
             unit = "the rms that the best model leaves" if quantity.stderr is None else "standard errors"
-            strip.set_title(f"measured less model, in {unit}", loc="left", size=9, color=FAINT, pad=7)
+            strip.set_title(
+                f"measured less model, in {unit}; logarithmic beyond 3", loc="left", size=9, color=FAINT, pad=7
+            )
     strip.set_xlabel("exit angle (°)")
 
 

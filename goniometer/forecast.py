@@ -8,13 +8,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from acquisition.expected_noise import Detection, expected_points, light_of
+from acquisition.expected_noise import expected_points, light_of
 from acquisition.fit_points import dataset, surface_family
 from acquisition.recipe import Recipe
-from acquisition.reduce import NoiseModel, Radiometry
 from goniometer.assumed_sample import AssumedSample, in_shown_unit, shown
 from goniometer.errors import ConfigurationError
-from goniometer.planning import plan
+from goniometer.planning import detection, plan
 from goniometer.rig_file import Rig
 from model.fit.information import information, prior_information, standard_errors
 from model.geometry import FloatArray
@@ -96,13 +95,3 @@ def told_by_points(recipe: Recipe, rig: Rig, values: Mapping[str, float], dark_w
     data = dataset(points).compared_by(recipe.fit.objective)
     assert data.covariance is not None, "points have covariances, and every objective but rms keeps them"
     return information(family, data.directions, data.covariance, values, data.observable)
-
-
-def detection(recipe: Recipe, rig: Rig, dark_w: float) -> Detection:
-    """The rig's calibration and its detector's noise."""
-    detector = rig.detector
-    return Detection(
-        Radiometry(rig.calibration.beam_power_w, rig.calibration.acceptance_sr),
-        NoiseModel(detector.noise.read_w, detector.sample_s, detector.noise.shot, recipe.wavelength_nm),
-        dark_w,
-    )
