@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import os
+from concurrent.futures import Executor
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -10,12 +10,14 @@ from numpy.typing import ArrayLike
 from model.fit.family import WEIGHTS, SurfaceFamily
 from model.fit.many_result import ManyFits, Status
 from model.fit.observable import Elements, Observable
-from model.fit.pixel_fits import PixelFits
+from model.fit.pixel_fits import Pilots, PixelFits
 from model.fit.pixels import Pixels
 from model.geometry import FloatArray
 from model.mirror_direction import require_off_mirror
 
 __all__ = ["ManyFits", "Status", "fit_many"]
+
+_PART = 2048
 
 
 def fit_many(
@@ -29,7 +31,7 @@ def fit_many(
     observable: Observable = Elements(),  # noqa: B008 (frozen)
     start: ArrayLike | None = None,
     seed: int = 0,
-    threads: int | None = None,
+    executor: Executor | None = None,
 ) -> ManyFits:
     """Find, for every pixel, the surface that fits its values best in the sense of least squares.
 
@@ -56,8 +58,9 @@ def fit_many(
         wavelength. Pixels that have a NaN there are searched for.
     seed : int
         Seed of the search.
-    threads : int, optional
-        How many to use; as many as there are cores by default. The result does not depend on it.
+    executor : Executor, optional
+        Who fits parts of the image, such as a `concurrent.futures.ProcessPoolExecutor`. The result is the same to
+        rounding. Threads are no faster than one: most operations are short, and share Python's lock.
 
     Raises
     ------
@@ -75,8 +78,31 @@ def fit_many(
         )
     if not family.detector_half_angle_rad and any(lobe.has_caustic for lobe in family.lobes):
         require_off_mirror(*directions)
-    fits = PixelFits(pixels, family, observable, seed)
-    return fits.all(_checked_start(start, pixels, family), threads or _cores())
+    given = _checked_start(start, pixels, family)
+    pilots = PixelFits(pixels, family, observable, seed).pilots()
+    if executor is None:
+        return _fitted(pixels, family, observable, seed, pilots, given)
+    under_way = []
+    for first in range(0, max(pixels.count, 1), _PART):
+        part = slice(first, first + _PART)
+        own = given if given is None or len(given) == 1 else given[part]
+        under_way.append(executor.submit(_fitted, pixels.part(part), family, observable, seed, pilots, own))
+    try:
+        return ManyFits.joined([one.result() for one in under_way])
+    finally:
+        for one in under_way:
+            one.cancel()
+
+
+def _fitted(
+    pixels: Pixels,
+    family: SurfaceFamily,
+    observable: Observable,
+    seed: int,
+    pilots: Pilots,
+    start: FloatArray | None,
+) -> ManyFits:
+    return PixelFits(pixels, family, observable, seed).all(pilots, start)
 
 
 def _checked_start(start: ArrayLike | None, pixels: Pixels, family: SurfaceFamily) -> FloatArray | None:
@@ -99,7 +125,3 @@ def _checked_start(start: ArrayLike | None, pixels: Pixels, family: SurfaceFamil
                 f"{high:g}. Nothing was fitted."
             )
     return given
-
-
-def _cores() -> int:
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
 from enum import IntEnum
 
 import numpy as np
@@ -74,3 +75,14 @@ class ManyFits:
             degrees_of_freedom=np.zeros(count, np.int64),
             status=np.full(count, Status.FITTED, np.int64),
         )
+
+    @classmethod
+    def joined(cls, parts: Sequence[ManyFits]) -> ManyFits:
+        """The results of parts of an image, as one."""
+        first, *_ = parts
+        arrays = {
+            field.name: np.concatenate([getattr(part, field.name) for part in parts])
+            for field in fields(cls)
+            if field.name != "names"
+        }
+        return cls(first.names, **arrays)

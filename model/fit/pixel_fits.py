@@ -7,8 +7,8 @@ further starts.
 
 from __future__ import annotations
 
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -39,8 +39,15 @@ _CONES = 3.0
 Ends = tuple[FloatArray, FloatArray, NDArray[np.bool_]]
 
 
+class Pilots(NamedTuple):
+    """What a few pixels tell of the others: where their fits end (Q, P), and the variance of their residuals."""
+
+    ends: FloatArray
+    variance: float = 1.0
+
+
 class PixelFits:
-    """Fits of many pixels: what they have in common, and their results as they come in.
+    """Fits of many pixels.
 
     Parameters
     ----------
@@ -58,24 +65,41 @@ class PixelFits:
         self._pixels, self._family, self._observable, self._seed = pixels, family, observable, seed
         self._result = ManyFits.none_yet(family.names, pixels.count)
         self._search: Search = OwnSearch(seed)
-        self._variance = 1.0  # of a residual
 
-    def all(self, start: FloatArray | None, threads: int) -> ManyFits:
-        """Fit them, from starts (1 or B, P) if there are any."""
-        for places in _parts(np.arange(self._pixels.count)):
-            self._refuse(places)
-        good = np.flatnonzero(self._result.settled)
-        if len(good):
-            self._send_pilots(good)
-        with ThreadPoolExecutor(threads, thread_name_prefix="pixels") as pool:
-            for _ in pool.map(lambda places: self._fit(places, start), _parts(good)):
-                pass  # an error of one of them is raised here, and those not begun are left
+    def pilots(self) -> Pilots:
+        """Fit a few pixels, spread evenly, from several starts each."""
+        candidates = np.unique(np.linspace(0, max(self._pixels.count - 1, 0), _AT_ONCE).astype(np.int64))
+        good = self._good(candidates[: self._pixels.count])
+        nothing_to_learn = self._pixels.has_errors and not self._pixels.share_directions
+        if not len(good) or nothing_to_learn:
+            return Pilots(np.empty((0, len(self._family.names))))
+        places = good[np.unique(np.linspace(0, len(good) - 1, _PILOTS).astype(np.int64))]
+        part = self._part(places)
+        if self._pixels.share_directions:
+            self._search = SharedSearch(part.rough, self._seed)
+        x, cost, settled = self._ends(part, np.arange(len(places)), _POLISHED)
+        if self._pixels.has_errors or not settled.any():
+            return Pilots(x[settled])
+        freedom = np.maximum(self._known(places) - len(self._family.names), 1)
+        return Pilots(x[settled], float(np.median(cost[settled] / freedom[settled])))
+
+    def all(self, pilots: Pilots, start: FloatArray | None) -> ManyFits:
+        """Fit all of them, from starts (1 or B, P) if there are any."""
+        good = np.concatenate([self._good(places) for places in _parts(np.arange(self._pixels.count))])
+        for number, places in enumerate(_parts(good) if len(good) else []):
+            part = self._part(places)
+            if number == 0 and self._pixels.share_directions:
+                self._search = SharedSearch(part.rough, self._seed, pilots.ends)
+            self._fit(part, places, pilots.variance, start)
         return self._result
 
-    def _refuse(self, places: Places) -> None:
-        status, pixels = self._result.status, self._pixels
-        status[places[pixels.holds_one_value(places)]] = Status.ONE_VALUE
+    def _good(self, places: Places) -> Places:
+        """Those of some pixels that can be fitted; the status of the others is set."""
+        status = self._result.status
+        status[places[self._pixels.holds_one_value(places)]] = Status.ONE_VALUE
         status[places[self._known(places) < len(self._family.names)]] = Status.TOO_FEW
+        good: Places = places[status[places] == Status.FITTED]
+        return good
 
     def _known(self, places: Places) -> NDArray[np.int64]:
         known: NDArray[np.int64] = self._pixels.measured[places].sum(axis=1) * self._pixels.values.shape[2]
@@ -89,27 +113,14 @@ class PixelFits:
         block = block.away_from_the_mirror(_CONES * half_angle)
         return _Part(block, _problem(self._family.in_single_directions(), self._observable, block), problem)
 
-    def _send_pilots(self, good: Places) -> None:
-        """Fit a few pixels well, to learn where their like end and how far data scatter."""
-        places = good[np.unique(np.linspace(0, len(good) - 1, _PILOTS).astype(np.int64))]
-        part = self._part(places)
-        if self._pixels.share_directions:
-            self._search = SharedSearch(part.rough, self._seed)
-        x, cost, settled = self._ends(part, np.arange(len(places)), _POLISHED)
-        if self._pixels.share_directions:
-            self._search = SharedSearch(part.rough, self._seed, x[settled])
-        freedom = self._known(places) - len(self._family.names)
-        if not self._pixels.has_errors and settled.any():
-            self._variance = float(np.median(cost[settled] / np.maximum(freedom[settled], 1)))
-
-    def _fit(self, places: Places, start: FloatArray | None) -> None:
-        part, which = self._part(places), np.arange(len(places))
+    def _fit(self, part: _Part, places: Places, variance: float, start: FloatArray | None) -> None:
+        which = np.arange(len(places))
         if start is None:
             x, cost, settled = self._ends(part, which, 1)
         else:
             x, cost, settled = part.end(start[places] if len(start) > 1 else start.repeat(len(places), axis=0), which)
         known = self._known(places)
-        likely = self._variance * chdtri(np.maximum(known - x.shape[1], 1), _UNLIKELY)
+        likely = variance * chdtri(np.maximum(known - x.shape[1], 1), _UNLIKELY)
         doubted = np.flatnonzero(~(settled & (cost <= likely)))
         if len(doubted):
             other_x, other_cost, other_settled = self._ends(part, doubted, _POLISHED)
@@ -190,4 +201,4 @@ def _problem(family: SurfaceFamily, observable: Observable, block: Block) -> Pro
 
 
 def _parts(places: Places) -> list[Places]:
-    return [places[first : first + _AT_ONCE] for first in range(0, len(places), _AT_ONCE)]
+    return [places[first : first + _AT_ONCE] for first in range(0, max(len(places), 1), _AT_ONCE)]

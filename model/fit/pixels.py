@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -89,8 +90,8 @@ class Pixels:
         observable: Observable,
     ) -> None:
         self.values = np.asarray(values, np.float64)
-        self.count = len(self.values)
-        _require_shape("values", self.values, (self.count, *self.values.shape[1:2], len(observable.columns)))
+        self._before = 0
+        _require_shape("values", self.values, (len(self.values), *self.values.shape[1:2], len(observable.columns)))
         size, width = self.values.shape[1:]
         incidence, exit_, azimuth = (np.asarray(angle, np.float64) for angle in directions)
         for name, angle in (("incidence_rad", incidence), ("exit_rad", exit_), ("azimuth_rad", azimuth)):
@@ -118,6 +119,24 @@ class Pixels:
             self._refuse(np.asarray(possible.all(axis=2)), "stderr is not a finite number above 0")
         if self._covariance is not None:
             self._refuse(np.asarray(np.isfinite(self._covariance).all(axis=(2, 3))), "the covariance is not finite")
+
+    @property
+    def count(self) -> int:
+        """How many there are."""
+        return len(self.values)
+
+    def part(self, own: slice) -> Pixels:
+        """The pixels from one number to another."""
+        part = copy.copy(self)
+        part.values, part.measured, part._before = self.values[own], self.measured[own], self._before + own.start
+        if not self.share_directions:
+            incidence, exit_, azimuth = self._directions
+            part._directions = (incidence[own], exit_[own], azimuth[own])
+        if self._stderr is not None and len(self._stderr) > 1:
+            part._stderr = self._stderr[own]
+        if self._covariance is not None and len(self._covariance) > 1:
+            part._covariance = self._covariance[own]
+        return part
 
     def block(self, places: Places) -> Block:
         """Some of the pixels.
@@ -170,7 +189,7 @@ class Pixels:
         impossible = np.argwhere(~np.isfinite(whitener))
         if len(impossible):
             pixel, _, _, row = impossible[0]
-            which = "all pixels" if one else f"pixel {places[pixel]}"
+            which = "all pixels" if one else f"pixel {self._before + places[pixel]}"
             raise FitError(f"Row {row} of {which}: the covariance is not positive definite. {_NOTHING}")
         return whitener
 

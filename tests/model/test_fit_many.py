@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import multiprocessing
+from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
+
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 from scipy.optimize import least_squares
 
 from goniometer.errors import FitError
-from model.fit import Dataset, SurfaceFamily, fit, lobe_family, pixel_fits
+from model.fit import Dataset, SurfaceFamily, fit, lobe_family, many, pixel_fits
 from model.fit.compiled_problem import CompiledProblem
 from model.fit.family import whole_family
 from model.fit.many import ManyFits, Status, fit_many
@@ -155,12 +158,42 @@ def test_correlated_errors_count(shared: bool) -> None:
         assert_allclose(together.chi_square[pixel], alone.chi_square, rtol=1e-9)
 
 
-def test_neither_threads_nor_parts_change_the_result(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_parts_do_not_change_the_result(monkeypatch: pytest.MonkeyPatch) -> None:
     _, values, stderr = image(40, IRON, LOSSY)
-    whole = fit_many(DIRECTIONS, values, METAL, stderr=stderr, threads=1)
+    whole = fit_many(DIRECTIONS, values, METAL, stderr=stderr)
     monkeypatch.setattr(pixel_fits, "_AT_ONCE", 7)
-    for threads in (1, 3):
-        assert_same(fit_many(DIRECTIONS, values, METAL, stderr=stderr, threads=threads), whole)
+    assert_same(fit_many(DIRECTIONS, values, METAL, stderr=stderr), whole)
+
+
+def test_other_processes_give_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
+    _, values, stderr = image(20, IRON, LOSSY)
+    values[3] = 0.0
+    start = fit_many(DIRECTIONS, values, METAL, stderr=stderr).parameters
+    own = tuple(np.broadcast_to(angle, (20, 31)) for angle in DIRECTIONS)
+    measured = np.arange(31) + np.arange(20)[:, None] > 3
+    monkeypatch.setattr(many, "_PART", 8)
+    with ProcessPoolExecutor(1, multiprocessing.get_context("spawn")) as executor:
+        for directions, given in (
+            (DIRECTIONS, {"stderr": stderr}),
+            (own, {"stderr": stderr, "measured": measured, "start": start}),
+            (DIRECTIONS, {"covariance": stderr[..., None] ** 2 * np.eye(3), "start": np.array(IRON)}),
+            (DIRECTIONS, {"stderr": stderr[0]}),
+        ):
+            apart = fit_many(directions, values, METAL, **given, executor=executor)
+            assert_same(apart, fit_many(directions, values, METAL, **given))
+            assert apart.status[3] == Status.ONE_VALUE
+
+
+def test_a_part_counts_pixels_from_the_first_of_all(monkeypatch: pytest.MonkeyPatch) -> None:
+    _, values, stderr = image(12, IRON)
+    covariance = stderr[..., None] ** 2 * np.eye(3)
+    covariance[10, 5] = -np.eye(3)
+    monkeypatch.setattr(many, "_PART", 4)
+    with (
+        ThreadPoolExecutor(1) as executor,
+        pytest.raises(FitError, match="Row 5 of pixel 10: the covariance is not positive definite"),
+    ):
+        fit_many(DIRECTIONS, values, METAL, covariance=covariance, executor=executor)
 
 
 def test_what_is_not_measured_does_not_count() -> None:
