@@ -16,8 +16,8 @@ from acquisition.recipe import MAX_READINGS, Recipe
 from acquisition.stays import Prospect, criterion, plan, time_needed_s
 from acquisition.wanted import misfit
 from goniometer.errors import FitError
+from model.design.information import information, prior_information, standard_errors
 from model.fit import FitResult, SurfaceFamily
-from model.fit.information import information, prior_information, standard_errors
 from model.geometry import FloatArray
 
 _FEWEST_AT_FIRST = 4

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from model.fit.design import Criterion, optimal_design
-from model.fit.information import standard_errors
+from model.design.design import Criterion, optimal_design
+from model.design.information import standard_errors
 from model.geometry import FloatArray
 
 _NOTEWORTHY_SHARE = 0.01

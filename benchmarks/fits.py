@@ -23,14 +23,14 @@ from model_peers import three_lobes
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
-from goniometer.fit_row import Asked, fit_row
-from goniometer.fit_workers import fitted_here
+from goniometer.many_fits.row import Asked, fit_row
+from goniometer.many_fits.workers import fitted_here
 from model.fit import lobe_family
-from model.fit.many import ManyFits, fit_many
 from model.fit.observable import Elements
 from model.fit.problem import Problem
 from model.geometry import angles, in_plane
 from model.lobes import Diffuse, Directional, Specular
+from model.many_fits.fit_many import ManyFits, fit_many
 
 Array = NDArray[np.float64]
 

@@ -16,9 +16,9 @@ from acquisition.expected_noise import expected_points, light_of
 from acquisition.fit_points import dataset, surface_family
 from goniometer.load_files import load_recipe
 from goniometer.planning import detection, plan, slots, timing
-from model.fit.design import Criterion
-from model.fit.information import information, standard_errors
-from model.fit.timed_design import timed_design
+from model.design.design import Criterion
+from model.design.information import information, standard_errors
+from model.design.timed_design import timed_design
 
 ROOT = Path(__file__).resolve().parent.parent
 SEEDS = range(1, 11)

@@ -27,7 +27,7 @@ _PUBLIC = {
     "SurfaceFamily": ("model.fit", "SurfaceFamily"),
     "Dataset": ("model.fit", "Dataset"),
     "fit": ("model.fit", "fit"),
-    "read": ("goniometer.fit_input", "read"),
+    "read": ("goniometer.fitting.input", "read"),
     "run": ("goniometer.run_recipe", "run"),
     "simulate": ("goniometer.bench", "simulate"),
     "load": ("goniometer.run_folder", "load"),

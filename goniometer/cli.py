@@ -141,8 +141,8 @@ def fit(
             )
         if workers and scheduler:
             raise click.UsageError("--workers and --scheduler exclude each other: choose one.")
-        from goniometer.fit_many import fit_files
-        from goniometer.fit_row import Asked
+        from goniometer.many_fits.fit_many import fit_files
+        from goniometer.many_fits.row import Asked
         from goniometer.output_file import require_output
 
         require_output(out, (".csv", ".parquet"), paths)
@@ -152,7 +152,7 @@ def fit(
             raise GoniometerError(str(many))
         click.echo(many)
         return
-    from goniometer.fit_command import fit_one
+    from goniometer.fitting.command import fit_one
 
     if out is not None:
         from goniometer.output_file import require_output
@@ -183,8 +183,8 @@ def compare(
     plot: Path | None,
 ) -> None:
     """Fit the published models and our own to the same data, and rank them by how well they describe it."""
-    from goniometer.compare import compare_models
-    from goniometer.compare_text import compare_text
+    from goniometer.compare.command import compare_models
+    from goniometer.compare.text import compare_text
     from goniometer.output_file import require_output
 
     if plot is not None:
@@ -192,7 +192,7 @@ def compare(
     found = compare_models(path, recipe, objective)
     click.echo(found.json_text() if as_json else compare_text(found))
     if plot is not None:
-        from goniometer.compare_plot import draw_comparison
+        from goniometer.compare.plot import draw_comparison
 
         draw_comparison(plot, found)
         click.echo(f"wrote {plot}", err=True)
@@ -222,7 +222,7 @@ def budget(
     criterion: Literal["d", "c"] | None,
 ) -> None:
     """Predict a recipe's standard errors before the scan, and what changes would cost and gain. Moves nothing."""
-    from goniometer.budget_command import BudgetAsked, run_budget
+    from goniometer.budget.command import BudgetAsked, run_budget
     from goniometer.output_file import require_output
 
     if design is None and (time_s is not None or criterion is not None):

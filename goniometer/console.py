@@ -14,7 +14,7 @@ from typing import Literal, Self, TextIO
 from acquisition.events import DirectionChosen, Event, FitRefused, FitUpdated, PointReduced, ScanStarted, Subscriber
 from acquisition.readings import StokesPoint
 from goniometer.durations import clock_text
-from goniometer.fit_summary import fit_summary, parameter_rows
+from goniometer.fitting.summary import fit_summary, parameter_rows
 from goniometer.lasting_stream import LastingStream
 from goniometer.live_console import LiveConsole
 from goniometer.plain_json import plain

@@ -16,8 +16,8 @@ from rich.text import Text
 
 from acquisition.events import Event, ScanStarted
 from goniometer.durations import clock_text
-from goniometer.fit_remarks import remarks
-from goniometer.fit_summary import model_name, parameter_rows, quality, table_lines
+from goniometer.fitting.remarks import remarks
+from goniometer.fitting.summary import model_name, parameter_rows, quality, table_lines
 from goniometer.lasting_stream import LastingStream
 from goniometer.plus_minus import plus_minus
 from goniometer.scan_so_far import ScanSoFar

@@ -12,8 +12,8 @@ import numpy as np
 from acquisition.fit_points import dataset
 from acquisition.readings import StokesPoint
 from acquisition.whole_file import written_whole
-from goniometer.fit_remarks import remarks
-from goniometer.fit_summary import ParameterRow, parameter_rows, quality
+from goniometer.fitting.remarks import remarks
+from goniometer.fitting.summary import ParameterRow, parameter_rows, quality
 from goniometer.report_panels import DATA_COLOUR, FIT_COLOUR, draw_quantity, draw_residuals, quantities
 from model.fit import Dataset, FitResult
 

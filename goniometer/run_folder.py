@@ -19,7 +19,7 @@ from acquisition.recipe import Recipe
 from acquisition.stokes_csv import write_stokes_csv
 from acquisition.whole_file import written_whole
 from goniometer.errors import FitError, JournalError, ReductionError
-from goniometer.fit_json import fit_json
+from goniometer.fitting.as_json import fit_json
 from goniometer.planning import reduction
 from goniometer.report import draw_report
 from goniometer.rig_file import Rig

@@ -19,11 +19,11 @@ from acquisition.stays import Prospect, plan, time_needed_s
 from acquisition.steering import Steering
 from acquisition.timing import AnalyzerTiming, AxisTiming, BenchTiming
 from acquisition.wanted import judge
+from model.design.design import Criterion
+from model.design.information import information, standard_errors
+from model.design.timed_design import timed_design
 from model.fit import follow
-from model.fit.design import Criterion
-from model.fit.information import information, standard_errors
 from model.fit.result import Alternative
-from model.fit.timed_design import timed_design
 from model.lobes import Diffuse, Directional, Specular
 from model.surface import Surface
 

@@ -25,9 +25,9 @@ from goniometer.lasting_stream import LastingStream
 from goniometer.live_console import LiveConsole
 from goniometer.load_files import load_recipe
 from goniometer.planning import detection, plan, slots, timing
-from model.fit.design import Criterion
-from model.fit.information import information, standard_errors
-from model.fit.timed_design import timed_design
+from model.design.design import Criterion
+from model.design.information import information, standard_errors
+from model.design.timed_design import timed_design
 
 ROOT = Path(__file__).resolve().parents[2]
 EVERY_6 = {"exit": {"start_deg": 0.0, "stop_deg": 60.0, "step_deg": 6.0}}

@@ -16,16 +16,16 @@ from acquisition.fit_points import dataset, fit_arguments, surface_family
 from acquisition.readings import Reading
 from acquisition.recipe import MAX_READINGS, Recipe
 from acquisition.timing import READING_POLL_S
-from goniometer.assumed_sample import assumed_sample
-from goniometer.budget import Budget, Outcome, budget
-from goniometer.budget_command import BudgetAsked, run_budget
-from goniometer.budget_text import cheapest_text
-from goniometer.designed_recipe import designed_recipe
+from goniometer.budget.assumed_sample import assumed_sample
+from goniometer.budget.budget import Budget, Outcome, budget
+from goniometer.budget.command import BudgetAsked, run_budget
+from goniometer.budget.designed_recipe import designed_recipe
+from goniometer.budget.forecast import Forecast, forecast, told_by_points
+from goniometer.budget.recipe_changes import changes, polarizer_sets
+from goniometer.budget.text import cheapest_text
 from goniometer.errors import ConfigurationError
-from goniometer.forecast import Forecast, forecast, told_by_points
 from goniometer.load_files import load_recipe
 from goniometer.planning import plan, reduction
-from goniometer.recipe_changes import changes, polarizer_sets
 from model.fit import fit
 from model.geometry import in_plane
 from sim_devices.world import analyzer_row, surface

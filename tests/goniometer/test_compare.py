@@ -12,10 +12,10 @@ from numpy.testing import assert_allclose
 
 import goniometer
 from goniometer import cli
-from goniometer.compare import EQUAL, compare_models
-from goniometer.compare_panels import quantities, scans
-from goniometer.compare_plot import draw_comparison
-from goniometer.compare_text import compare_text
+from goniometer.compare.command import EQUAL, compare_models
+from goniometer.compare.panels import quantities, scans
+from goniometer.compare.plot import draw_comparison
+from goniometer.compare.text import compare_text
 from goniometer.errors import FitError, JournalError
 from goniometer.run_folder import StoredRun
 from model.geometry import in_plane

@@ -18,11 +18,11 @@ import pytest
 from numpy.testing import assert_allclose
 
 from acquisition.fit_points import directions
-from goniometer import fit_cluster
 from goniometer.errors import ConfigurationError, GoniometerError
-from goniometer.fit_cluster import fitted_on
-from goniometer.fit_many import fit_files
-from goniometer.fit_row import OK, UNREADABLE, Asked, Row, fit_row
+from goniometer.many_fits import cluster as on_a_cluster
+from goniometer.many_fits.cluster import fitted_on
+from goniometer.many_fits.fit_many import fit_files
+from goniometer.many_fits.row import OK, UNREADABLE, Asked, Row, fit_row
 from model.fit import lobe_family
 
 distributed = pytest.importorskip("distributed")
@@ -103,7 +103,7 @@ def test_a_worker_that_is_killed_loses_nothing(cluster: Any, inputs: list[Path],
 def test_workers_without_the_program_are_refused(
     cluster: Any, inputs: list[Path], asked: Asked, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(fit_cluster, "__version__", "9.9")
+    monkeypatch.setattr(on_a_cluster, "__version__", "9.9")
     with pytest.raises(
         ConfigurationError, match=r"2 of 2 Dask workers do not have goniometer 9\.9; .*Nothing was fitted"
     ):
@@ -113,7 +113,7 @@ def test_workers_without_the_program_are_refused(
 def test_a_scheduler_that_is_not_there_or_has_no_workers_is_told(
     inputs: list[Path], asked: Asked, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(fit_cluster, "_CONNECTED_WITHIN_S", 0.5)
+    monkeypatch.setattr(on_a_cluster, "_CONNECTED_WITHIN_S", 0.5)
     with pytest.raises(GoniometerError, match=r"scheduler tcp://127\.0\.0\.1:1 cannot be reached.*Nothing was fitted"):
         list(fitted_on("tcp://127.0.0.1:1", inputs, asked))
     message = r"has no workers\. Nothing was fitted\. Start some: dask worker tcp://127"

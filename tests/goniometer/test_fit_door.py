@@ -16,7 +16,7 @@ from acquisition.measured_columns import KNOWN, MUELLER, STOKES, stderr_of
 from acquisition.nexus import write_nexus
 from goniometer import cli
 from goniometer.errors import ConfigurationError, FitError, JournalError
-from goniometer.fit_input import choice_from, fit_input, read_input, with_recipe
+from goniometer.fitting.input import choice_from, fit_input, read_input, with_recipe
 from goniometer.run_folder import StoredRun
 
 ROOT = Path(__file__).resolve().parents[2]

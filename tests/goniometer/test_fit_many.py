@@ -19,12 +19,14 @@ import pytest
 from numpy.testing import assert_allclose
 
 from acquisition.fit_points import directions
-from goniometer import cli, fit_many, fit_workers
+from goniometer import cli
 from goniometer.errors import ConfigurationError, JournalError
-from goniometer.fit_progress_file import Input, ProgressFile
-from goniometer.fit_row import CRASHED, OK, REFUSED, UNREADABLE, Asked, Row, fit_row
-from goniometer.fit_table import write_table
-from goniometer.fit_workers import fitted_here
+from goniometer.many_fits import fit_many
+from goniometer.many_fits import workers as worker_processes
+from goniometer.many_fits.progress_file import Input, ProgressFile
+from goniometer.many_fits.row import CRASHED, OK, REFUSED, UNREADABLE, Asked, Row, fit_row
+from goniometer.many_fits.table import write_table
+from goniometer.many_fits.workers import fitted_here
 from model.fit import lobe_family
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -322,7 +324,7 @@ def test_processes_give_the_same_numbers_and_one_that_is_killed_loses_nothing(re
 
 def test_an_input_that_kills_its_process_harms_no_other(monkeypatch: pytest.MonkeyPatch) -> None:
     # Reads bytes at an address: at one that is nobody's it ends the process as a fault in a library would.
-    monkeypatch.setattr(fit_workers, "fit_row", ctypes.string_at)
+    monkeypatch.setattr(worker_processes, "fit_row", ctypes.string_at)
     rows = dict(fitted_here([b"first", 1, b"last"], 1, 2))  # type: ignore[list-item, arg-type]
     assert rows.pop(1)["status"] == CRASHED  # type: ignore[call-overload]
     assert rows == {b"first": b"f", b"last": b"l"}
@@ -372,12 +374,12 @@ def test_workers_share_the_cores_and_leave_ctrl_c_to_their_parent(monkeypatch: p
     monkeypatch.setattr(os, "environ", {})
     handlers = {}
     monkeypatch.setattr(signal, "signal", handlers.__setitem__)
-    monkeypatch.setattr(fit_workers, "_end_with_parent", lambda: None)
+    monkeypatch.setattr(worker_processes, "_end_with_parent", lambda: None)
     for workers in (2, 4, 6):
         shares.clear()
         started = multiprocessing.Value("i", 0)
         for _ in range(workers):
-            fit_workers._prepare(started, workers)
+            worker_processes._prepare(started, workers)
         assert sorted({core for share in shares for core in share}) == [0, 1, 2, 5]
         assert len(shares) == workers
         assert sum(map(len, shares)) == max(4, workers)

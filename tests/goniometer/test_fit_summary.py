@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from goniometer.fit_remarks import remarks
-from goniometer.fit_summary import fit_summary, parameter_rows, quality
+from goniometer.fitting.remarks import remarks
+from goniometer.fitting.summary import fit_summary, parameter_rows, quality
 from model.fit import Dataset, Estimate, FitResult
 from model.fit.result import Alternative, Outlier, Weakness
 from model.geometry import in_plane

@@ -18,7 +18,7 @@ from numpy.testing import assert_allclose
 from acquisition.readings import StokesPoint
 from goniometer import report
 from goniometer.errors import JournalError
-from goniometer.fit_summary import quality
+from goniometer.fitting.summary import quality
 from goniometer.report import draw_report
 from goniometer.report_panels import draw_quantity, quantities
 from model.fit import Estimate, FitResult

@@ -11,11 +11,11 @@ from numpy.testing import assert_allclose, assert_array_equal
 from scipy.stats import multivariate_normal
 
 from goniometer.errors import FitError
+from model.comparison.candidates import Candidate, candidates
+from model.comparison.comparison import Compared, akaike, compare
+from model.comparison.held_out import FOLDS, folds, held_out
+from model.comparison.measured_dolp import measured_dolp
 from model.fit import Dataset, fit, lobe_family
-from model.fit.candidates import Candidate, candidates
-from model.fit.comparison import Compared, akaike, compare
-from model.fit.held_out import FOLDS, folds, held_out
-from model.fit.measured_dolp import measured_dolp
 from model.fit.observable import MUELLER, Elements, Ratios
 from model.geometry import FloatArray, in_plane
 

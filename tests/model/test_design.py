@@ -7,10 +7,10 @@ import pytest
 from numpy.testing import assert_allclose
 
 from goniometer.errors import FitError
+from model.design.design import Criterion, optimal_design
+from model.design.information import information, standard_errors
+from model.design.timed_design import timed_design
 from model.fit import lobe_family
-from model.fit.design import Criterion, optimal_design
-from model.fit.information import information, standard_errors
-from model.fit.timed_design import timed_design
 from model.geometry import in_plane
 
 X = np.linspace(-1.0, 1.0, 21)

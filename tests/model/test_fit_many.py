@@ -11,17 +11,19 @@ from numpy.testing import assert_allclose, assert_array_equal
 from scipy.optimize import least_squares
 
 from goniometer.errors import FitError
-from model.fit import Dataset, SurfaceFamily, fit, lobe_family, many, pixel_fits
-from model.fit.compiled_problem import CompiledProblem
+from model.fit import Dataset, SurfaceFamily, fit, lobe_family
 from model.fit.family import whole_family
-from model.fit.many import ManyFits, Status, fit_many
 from model.fit.observable import MUELLER, Dolp, Elements, Observable
-from model.fit.pixels import inverse_root
 from model.fit.problem import Problem
-from model.fit.shared_light import SharedLight
 from model.fit.start import projected
 from model.geometry import FloatArray, in_plane
 from model.lobes import Diffuse, Specular
+from model.many_fits import fit_many as image_fits
+from model.many_fits import pixel_fits
+from model.many_fits.compiled_problem import CompiledProblem
+from model.many_fits.fit_many import ManyFits, Status, fit_many
+from model.many_fits.pixels import inverse_root
+from model.many_fits.shared_light import SharedLight
 from model.surface import Surface
 
 LOBES = ("specular", "diffuse", "directional")
@@ -171,7 +173,7 @@ def test_other_processes_give_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
     start = fit_many(DIRECTIONS, values, METAL, stderr=stderr).parameters
     own = tuple(np.broadcast_to(angle, (20, 31)) for angle in DIRECTIONS)
     measured = np.arange(31) + np.arange(20)[:, None] > 3
-    monkeypatch.setattr(many, "_PART", 8)
+    monkeypatch.setattr(image_fits, "_PART", 8)
     with ProcessPoolExecutor(1, multiprocessing.get_context("spawn")) as executor:
         for directions, given in (
             (DIRECTIONS, {"stderr": stderr}),
@@ -188,7 +190,7 @@ def test_a_part_counts_pixels_from_the_first_of_all(monkeypatch: pytest.MonkeyPa
     _, values, stderr = image(12, IRON)
     covariance = stderr[..., None] ** 2 * np.eye(3)
     covariance[10, 5] = -np.eye(3)
-    monkeypatch.setattr(many, "_PART", 4)
+    monkeypatch.setattr(image_fits, "_PART", 4)
     with (
         ThreadPoolExecutor(1) as executor,
         pytest.raises(FitError, match="Row 5 of pixel 10: the covariance is not positive definite"),

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
+from model.design.information import information, prior_information, standard_errors
 from model.fit import Dataset, fit, lobe_family
-from model.fit.information import information, prior_information, standard_errors
 from model.fit.observable import Ratios
 from model.geometry import in_plane
 

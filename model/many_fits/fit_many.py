@@ -8,11 +8,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from model.fit.family import WEIGHTS, SurfaceFamily
-from model.fit.many_result import ManyFits, Status
 from model.fit.observable import Elements, Observable
-from model.fit.pixel_fits import Pilots, PixelFits
-from model.fit.pixels import Pixels
 from model.geometry import FloatArray
+from model.many_fits.pixel_fits import Pilots, PixelFits
+from model.many_fits.pixels import Pixels
+from model.many_fits.result import ManyFits, Status
 from model.mirror_direction import require_off_mirror
 
 __all__ = ["ManyFits", "Status", "fit_many"]

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from goniometer.errors import FitError
-from model.fit.information import standard_errors
+from model.design.information import standard_errors
 from model.geometry import FloatArray
 
 _MOST_EXCHANGES = 20_000

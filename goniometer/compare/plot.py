@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from goniometer.compare import Comparison
-from goniometer.compare_panels import FAINT, INK, Line, Quantity, Scan, draw_curves, draw_strip, quantities, scans
-from goniometer.compare_text import criterion
+from goniometer.compare.command import Comparison
+from goniometer.compare.panels import FAINT, INK, Line, Quantity, Scan, draw_curves, draw_strip, quantities, scans
+from goniometer.compare.text import criterion
 from goniometer.errors import FitError, JournalError
 
 if TYPE_CHECKING:

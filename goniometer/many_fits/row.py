@@ -45,7 +45,7 @@ def fit_row(path: Path, asked: Asked) -> Row:
         "crashed" if something happened that the program does not foresee.
     """
     from goniometer.errors import GoniometerError
-    from goniometer.fit_input import fit_input, overridden, read_input, usual_choice, with_recipe
+    from goniometer.fitting.input import fit_input, overridden, read_input, usual_choice, with_recipe
 
     status = UNREADABLE
     try:

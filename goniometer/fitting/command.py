@@ -12,10 +12,10 @@ from acquisition.fit_points import dataset
 from acquisition.journal import FILE_NAME
 from acquisition.whole_file import written_whole
 from goniometer.errors import GoniometerError
-from goniometer.fit_input import fit_input, overridden, read_input, usual_choice, with_recipe
-from goniometer.fit_intervals import Intervals, intervals
-from goniometer.fit_json import fit_json
-from goniometer.fit_summary import fit_summary
+from goniometer.fitting.as_json import fit_json
+from goniometer.fitting.input import fit_input, overridden, read_input, usual_choice, with_recipe
+from goniometer.fitting.intervals import Intervals, intervals
+from goniometer.fitting.summary import fit_summary
 from goniometer.run_folder import load, write_results
 from model.fit import Dataset, FitResult
 

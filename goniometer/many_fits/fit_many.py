@@ -10,13 +10,13 @@ from pathlib import Path
 from typing import IO, TextIO, cast
 
 from goniometer.errors import ConfigurationError, GoniometerError
-from goniometer.fit_cluster import fitted_on
-from goniometer.fit_input import choice_from
-from goniometer.fit_progress_file import Input, ProgressFile
-from goniometer.fit_row import CRASHED, OK, REFUSED, UNREADABLE, Asked, Row
-from goniometer.fit_table import require_table, write_table
-from goniometer.fit_workers import cores, fitted_here
+from goniometer.fitting.input import choice_from
 from goniometer.lasting_stream import LastingStream
+from goniometer.many_fits.cluster import fitted_on
+from goniometer.many_fits.progress_file import Input, ProgressFile
+from goniometer.many_fits.row import CRASHED, OK, REFUSED, UNREADABLE, Asked, Row
+from goniometer.many_fits.table import require_table, write_table
+from goniometer.many_fits.workers import cores, fitted_here
 
 _TOLD = 5
 

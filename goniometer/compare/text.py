@@ -8,9 +8,9 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from goniometer.compare import EQUAL, UNLIKELY, Comparison, is_refused
-from model.fit.comparison import Compared
-from model.fit.measured_dolp import measured_dolp
+from goniometer.compare.command import EQUAL, UNLIKELY, Comparison, is_refused
+from model.comparison.comparison import Compared
+from model.comparison.measured_dolp import measured_dolp
 
 _HEADER = ("model", "parameters", "chi²/dof", "data", "AIC", "held-out", "rms DoLP")
 _ALIGN = "<>><>>>"

@@ -11,11 +11,11 @@ import numpy as np
 from acquisition.expected_noise import expected_points, light_of
 from acquisition.fit_points import dataset, surface_family
 from acquisition.recipe import Recipe
-from goniometer.assumed_sample import AssumedSample, in_shown_unit, shown
+from goniometer.budget.assumed_sample import AssumedSample, in_shown_unit, shown
 from goniometer.errors import ConfigurationError
 from goniometer.planning import detection, plan
 from goniometer.rig_file import Rig
-from model.fit.information import information, prior_information, standard_errors
+from model.design.information import information, prior_information, standard_errors
 from model.geometry import FloatArray
 
 

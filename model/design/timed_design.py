@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from goniometer.errors import FitError
-from model.fit.design import Criterion, in_own_units, optimal_design
-from model.fit.information import standard_errors
+from model.design.design import Criterion, in_own_units, optimal_design
+from model.design.information import standard_errors
 from model.geometry import FloatArray
 
 Cost = Callable[[Sequence[int]], tuple[float, FloatArray]]

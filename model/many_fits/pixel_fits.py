@@ -15,16 +15,16 @@ from numpy.typing import NDArray
 from scipy.special import chdtri
 
 from model.fit.bounds import off_bounds
-from model.fit.compiled_problem import CompiledProblem
 from model.fit.family import SurfaceFamily
 from model.fit.levenberg_marquardt import minimise
-from model.fit.many_errors import standard_errors
-from model.fit.many_result import ManyFits, Status
 from model.fit.observable import Elements, Observable
-from model.fit.pixel_search import OwnSearch, Search, SharedSearch
-from model.fit.pixels import Block, Pixels
 from model.fit.problem import Places, Problem
 from model.geometry import FloatArray
+from model.many_fits.compiled_problem import CompiledProblem
+from model.many_fits.errors import standard_errors
+from model.many_fits.pixel_search import OwnSearch, Search, SharedSearch
+from model.many_fits.pixels import Block, Pixels
+from model.many_fits.result import ManyFits, Status
 
 _AT_ONCE = 1024
 _PILOTS = 64

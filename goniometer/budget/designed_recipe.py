@@ -10,15 +10,15 @@ import numpy as np
 from acquisition.fit_points import surface_family
 from acquisition.recipe import MAX_READINGS, Recipe
 from acquisition.timing import READING_POLL_S
-from goniometer.assumed_sample import AssumedSample, shown
-from goniometer.budget_text import undetermined_text
+from goniometer.budget.assumed_sample import AssumedSample, shown
+from goniometer.budget.forecast import told_by_points
+from goniometer.budget.text import undetermined_text
 from goniometer.errors import ConfigurationError, FitError
-from goniometer.forecast import told_by_points
 from goniometer.planning import plan
 from goniometer.rig_file import Rig
-from model.fit.design import Criterion
-from model.fit.information import prior_information, standard_errors
-from model.fit.timed_design import timed_design
+from model.design.design import Criterion
+from model.design.information import prior_information, standard_errors
+from model.design.timed_design import timed_design
 from model.geometry import FloatArray
 
 STEP_DEG = 0.5

@@ -9,12 +9,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from goniometer.errors import FitError
-from model.fit.candidates import Candidate
+from model.comparison.candidates import Candidate
+from model.comparison.held_out import ROUNDING, HeldOut, held_out
+from model.comparison.measured_dolp import MeasuredDolp, measured_dolp
 from model.fit.dataset import Dataset, Objective
 from model.fit.family import SurfaceFamily
 from model.fit.fit import fit
-from model.fit.held_out import ROUNDING, HeldOut, held_out
-from model.fit.measured_dolp import MeasuredDolp, measured_dolp
 from model.fit.quantities import NOMINAL, is_weight
 from model.fit.result import FitResult
 

@@ -7,11 +7,11 @@ from typing import Protocol
 import numpy as np
 
 from model.fit.bounds import off_bounds
-from model.fit.pixels import Block
 from model.fit.problem import Places, Problem
-from model.fit.shared_light import SharedLight
 from model.fit.start import _Box, sobol_starts
 from model.geometry import FloatArray
+from model.many_fits.pixels import Block
+from model.many_fits.shared_light import SharedLight
 
 
 class Search(Protocol):

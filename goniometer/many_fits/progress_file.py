@@ -14,7 +14,7 @@ from typing import Any, Self
 from acquisition.journal import FILE_NAME
 from goniometer import __version__
 from goniometer.errors import JournalError
-from goniometer.fit_row import CRASHED, Asked, Row
+from goniometer.many_fits.row import CRASHED, Asked, Row
 from goniometer.yaml_file import read_yaml
 
 _FORMAT = 1

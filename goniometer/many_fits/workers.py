@@ -15,7 +15,7 @@ from concurrent.futures.process import BrokenProcessPool
 from pathlib import Path
 from typing import Any
 
-from goniometer.fit_row import Asked, Row, crashed, fit_row
+from goniometer.many_fits.row import Asked, Row, crashed, fit_row
 
 _AHEAD = 2
 

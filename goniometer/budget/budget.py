@@ -7,9 +7,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from acquisition.recipe import Recipe
-from goniometer.assumed_sample import AssumedSample
-from goniometer.forecast import Forecast, forecast
-from goniometer.recipe_changes import Change, changes, polarizer_sets
+from goniometer.budget.assumed_sample import AssumedSample
+from goniometer.budget.forecast import Forecast, forecast
+from goniometer.budget.recipe_changes import Change, changes, polarizer_sets
 from goniometer.rig_file import Rig
 
 

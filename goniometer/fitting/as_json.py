@@ -9,7 +9,7 @@ from typing import Any
 
 from acquisition.fit_choice import FitChoice
 from acquisition.fit_points import in_degrees
-from goniometer.fit_summary import comparable_truth
+from goniometer.fitting.summary import comparable_truth
 from goniometer.plain_json import plain
 from model.fit import FitResult
 

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from goniometer.compare import Comparison
+from goniometer.compare.command import Comparison
+from model.comparison.measured_dolp import measured_dolp
 from model.fit import Dataset
-from model.fit.measured_dolp import measured_dolp
 from model.fit.observable import Elements
 from model.geometry import FloatArray
 

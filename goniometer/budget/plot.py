@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from goniometer.budget import Budget
+from goniometer.budget.budget import Budget
+from goniometer.budget.forecast import Forecast
 from goniometer.durations import clock_text
 from goniometer.errors import ConfigurationError
-from goniometer.forecast import Forecast
 from model.geometry import FloatArray
 
 if TYPE_CHECKING:

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from acquisition.fit_points import in_degrees
-from goniometer.fit_remarks import remarks
+from goniometer.fitting.remarks import remarks
 from goniometer.plus_minus import number_and_error
 from model.fit import Dataset, Estimate, FitResult
 from model.fit.quantities import is_weight

@@ -9,7 +9,7 @@ from uuid import uuid4
 
 from goniometer import __version__
 from goniometer.errors import ConfigurationError, GoniometerError
-from goniometer.fit_row import Asked, Row, crashed, fit_row
+from goniometer.many_fits.row import Asked, Row, crashed, fit_row
 
 _CONNECTED_WITHIN_S = 20
 

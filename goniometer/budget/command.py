@@ -8,15 +8,15 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
-from goniometer.assumed_sample import AssumedSample, assumed_sample, shown
-from goniometer.budget import budget
-from goniometer.budget_text import as_json, budget_text, design_text, forecast_json, values_text
-from goniometer.designed_recipe import designed_recipe
+from goniometer.budget.assumed_sample import AssumedSample, assumed_sample, shown
+from goniometer.budget.budget import budget
+from goniometer.budget.designed_recipe import designed_recipe
+from goniometer.budget.forecast import Forecast, forecast
+from goniometer.budget.rewritten_recipe import moved, rewritten_recipe, write_new
+from goniometer.budget.text import as_json, budget_text, design_text, forecast_json, values_text
 from goniometer.durations import clock_text
 from goniometer.errors import ConfigurationError
-from goniometer.forecast import Forecast, forecast
 from goniometer.load_files import Setup, load_recipe
-from goniometer.rewritten_recipe import moved, rewritten_recipe, write_new
 
 CriterionName = Literal["d", "c"]
 
@@ -98,7 +98,7 @@ def run_budget(asked: BudgetAsked) -> BudgetReport:
         there = moved(setup.recipe_text, asked.recipe.parent, asked.design.parent)
         write_new(asked.design, rewritten_recipe(there, designed, _comments(asked, setup, sample, time_s, expected)))
     if asked.plot is not None:
-        from goniometer.budget_plot import draw_budget
+        from goniometer.budget.plot import draw_budget
 
         assumed = values_text(sample)
         draw_budget(asked.plot, title=recipe.recipe, assumed=assumed, found=found, wanted=asked.wanted, design=expected)

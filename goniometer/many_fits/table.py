@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from goniometer.errors import ConfigurationError, JournalError
-from goniometer.fit_row import MEASURES, Row
+from goniometer.many_fits.row import MEASURES, Row
 
 CSV, PARQUET = ".csv", ".parquet"
 

@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 
 from acquisition.recipe import Recipe
-from goniometer.assumed_sample import AssumedSample, in_shown_unit, shown
-from goniometer.budget import Budget, Outcome
+from goniometer.budget.assumed_sample import AssumedSample, in_shown_unit, shown
+from goniometer.budget.budget import Budget, Outcome
+from goniometer.budget.forecast import Forecast
 from goniometer.durations import clock_text
-from goniometer.forecast import Forecast
 
 _MOMENTS = (1 / 16, 1 / 8, 1 / 4, 1 / 2, 1)
 _OPEN = "open"

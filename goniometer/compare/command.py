@@ -11,11 +11,11 @@ from typing import Any
 
 from acquisition.fit_points import fit_arguments, surface_family
 from goniometer.errors import FitError
-from goniometer.fit_input import FitInput, read_input, with_recipe
+from goniometer.fitting.input import FitInput, read_input, with_recipe
 from goniometer.plain_json import plain
 from model.acceptance import half_angle_rad
-from model.fit.candidates import BOUNCES, candidates
-from model.fit.comparison import Compared, compare
+from model.comparison.candidates import BOUNCES, candidates
+from model.comparison.comparison import Compared, compare
 from model.fit.dataset import Objective
 from model.fit.ellipsometric import Ellipsometric
 

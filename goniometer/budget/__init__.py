@@ -1,0 +1,1 @@
+"""`goniometer budget`: what accuracy will cost, before the scan."""

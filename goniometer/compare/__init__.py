@@ -1,0 +1,1 @@
+"""`goniometer compare`: the models of the literature, ranked."""

@@ -1,0 +1,1 @@
+"""`goniometer fit` of many files, on this machine or on a cluster."""

@@ -1,0 +1,1 @@
+"""Models from the literature against one another on the same data."""

@@ -1,0 +1,1 @@
+"""What readings will tell of a surface, and which to take."""
