@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 from acquisition.readings import ReadingKind
 from acquisition.recipe import Recipe
-from acquisition.timing import EXCHANGE_S, POLL_S, READING_POLL_S, BenchTiming
+from acquisition.timing import EXCHANGE_S, POLL_S, READING_POLL_S, AnalyzerTiming, BenchTiming
 
 
 @dataclass(frozen=True)
@@ -87,7 +88,7 @@ class Visits:
 
     def __init__(self, recipe: Recipe, slots: Slots, timing: BenchTiming) -> None:
         self._recipe, self._slots, self._timing = recipe, slots, timing
-        self._tour = _wheel_tour(recipe, slots, timing.analyzer.slots)
+        self._tour = _tour(recipe, slots, timing.analyzer)
 
     def steps(self, point: int, exit_deg: float, readings: int, here: Target) -> tuple[Step, ...]:
         """The steps that measure an exit angle with so many readings in every slot, as the point of this number."""
@@ -108,24 +109,26 @@ class Visits:
             place = Target(recipe.incidence_deg, recipe.reference.exit_deg, recipe.azimuth_deg, slot)
             yield "reference", place, None, readings
         tour = self._tour
-        if analyzer.distance(slot, tour[-1][0]) < analyzer.distance(slot, tour[0][0]):
+        if analyzer.move_s(slot, tour[-1][0]) < analyzer.move_s(slot, tour[0][0]):
             tour = tour[::-1]
         for slot, kind, analyzer_deg in tour:
             yield kind, Target(recipe.incidence_deg, exit_deg, recipe.azimuth_deg, slot), analyzer_deg, readings
 
 
-def _wheel_tour(recipe: Recipe, slots: Slots, count: int) -> list[tuple[int, ReadingKind, float | None]]:
-    """The slots of one point in the order round the wheel that leaves out its longest empty stretch."""
+def _tour(recipe: Recipe, slots: Slots, analyzer: AnalyzerTiming) -> list[tuple[int, ReadingKind, float | None]]:
+    """The slots of one point in the order, round the wheel or along the angles, that takes the least time."""
     stops: list[tuple[int, ReadingKind, float | None]] = [
         (slots.polarizers[angle], "signal", angle + slots.offset_deg) for angle in recipe.analyzer_deg
     ]
     if recipe.dark:
         assert slots.blocked is not None, "a recipe with dark readings is only accepted with a blocked slot"
         stops.append((slots.blocked, "dark", None))
-    stops.sort(key=lambda stop: stop[0])
-    gaps = [(stops[i][0] - stops[i - 1][0]) % count for i in range(len(stops))]
-    first = gaps.index(max(gaps))
-    return stops[first:] + stops[:first]
+
+    def time_s(tour: list[tuple[int, ReadingKind, float | None]]) -> float:
+        return sum(analyzer.move_s(here[0], there[0]) for here, there in itertools.pairwise(tour))
+
+    in_order = (sorted(stops, key=lambda stop: stop[0]), sorted(stops, key=lambda stop: stop[2] or 0.0))
+    return min((order[first:] + order[:first] for order in in_order for first in range(len(stops))), key=time_s)
 
 
 def _moving_s(here: Target, there: Target, timing: BenchTiming) -> float:

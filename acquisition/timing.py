@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Protocol
 
 POLL_S = 0.02
 """How often a moving device is asked whether it has arrived."""
@@ -33,22 +35,48 @@ class AxisTiming:
         return distance_deg / self.velocity_deg_s + self.velocity_deg_s / self.acceleration_deg_s2
 
 
+class AnalyzerTiming(Protocol):
+    """How long an analyzer takes from one of its slots to another, and then to come to rest."""
+
+    @property
+    def settle_s(self) -> float:
+        """Time to come to rest."""
+        ...
+
+    def move_s(self, start: int, end: int) -> float:
+        """Duration of the move from slot to slot."""
+        ...
+
+
 @dataclass(frozen=True)
-class AnalyzerTiming:
+class WheelTiming:
     """A wheel of `slots` positions that goes the shorter way round, `slot_s` for each neighbour."""
 
     slots: int
     slot_s: float
     settle_s: float
 
-    def distance(self, start: int, end: int) -> int:
-        """Number of neighbours passed from one slot to another, the shorter way round."""
-        apart = abs(start - end) % self.slots
-        return min(apart, self.slots - apart)
-
     def move_s(self, start: int, end: int) -> float:
         """Duration of the wheel's move."""
-        return self.distance(start, end) * self.slot_s
+        apart = abs(start - end) % self.slots
+        return min(apart, self.slots - apart) * self.slot_s
+
+
+@dataclass(frozen=True)
+class RotatorTiming:
+    """A rotator whose slots are angles."""
+
+    angles_deg: Mapping[int, float]
+    axis: AxisTiming
+
+    @property
+    def settle_s(self) -> float:
+        """Time to come to rest."""
+        return self.axis.settle_s
+
+    def move_s(self, start: int, end: int) -> float:
+        """Duration of the rotator's move; from a slot that it does not have, as from 0 degrees."""
+        return self.axis.move_s(self.angles_deg[end] - self.angles_deg.get(start, 0.0))
 
 
 @dataclass(frozen=True)

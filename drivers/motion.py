@@ -1,13 +1,16 @@
-"""What every rotary axis has in common: the soft limits, and how long a motion may take."""
+"""What every motion has in common: soft limits, how long it may take, and whether it goes on."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 
 from drivers.clock import Clock, Deadline
-from goniometer.errors import LimitError, NotConnectedError, ReplyError, ReplyTimeoutError
+from drivers.stage import Stage
+from goniometer.errors import DeviceFaultError, LimitError, NotConnectedError, ReplyError, ReplyTimeoutError
 
 _LINK_ERRORS = (NotConnectedError, ReplyTimeoutError, ReplyError)
+_LOOK_S = 0.5
+_STALLED_S = 2.0
 
 
 def refuse_outside(name: str, target_deg: float, limits_deg: tuple[float, float]) -> None:
@@ -33,9 +36,54 @@ def still_moving(name: str, target_deg: float) -> ReplyTimeoutError:
     return ReplyTimeoutError(
         name,
         f"the motion to {target_deg:g} degrees has not ended within twice its expected time and 5 s",
-        not_done="the target was not reached; the axis may still be moving",
+        not_done="the target was not reached; the axis was told to stop",
         to_do="look whether something is in its way, and whether the velocity and acceleration in the rig file are "
         "those of the device",
+    )
+
+
+class Progress:
+    """Whether an axis comes nearer to its target; looked at every half second, for a look is an exchange.
+
+    Parameters
+    ----------
+    clock : Clock
+        The clock the motion is timed on.
+    start_deg, target_deg : float
+        Where the motion begins and where it should end.
+    stage : Stage
+        Its speed says how much progress there should be.
+    """
+
+    def __init__(self, clock: Clock, start_deg: float, target_deg: float, stage: Stage) -> None:
+        self._clock, self._target_deg = clock, target_deg
+        # a hundredth of the way at full speed: encoder noise and a slow start are less, or more, than that
+        self._least_deg = 0.01 * stage.velocity_deg_s * _STALLED_S
+        self._moved_deg = start_deg
+        self._stalled = Deadline(clock, _STALLED_S)
+        self._looked_s = clock.now()
+
+    def is_due(self) -> bool:
+        """Whether it is time to look at the position."""
+        return self._clock.now() - self._looked_s >= _LOOK_S
+
+    def goes_on(self, position_deg: float) -> bool:
+        """Take the position; False when there was no progress for too long, far from the target."""
+        self._looked_s = self._clock.now()
+        if abs(position_deg - self._moved_deg) >= self._least_deg:
+            self._moved_deg = position_deg
+            self._stalled = Deadline(self._clock, _STALLED_S)
+        return not self._stalled.has_passed() or abs(position_deg - self._target_deg) < self._least_deg
+
+
+def stalled(name: str, position_deg: float, target_deg: float) -> DeviceFaultError:
+    """Describe an axis that stands still on its way."""
+    return DeviceFaultError(
+        name,
+        f"the axis has stood still at {position_deg:g} degrees for {_STALLED_S:g} s on its way to {target_deg:g} "
+        "degrees, although its controller says that it moves",
+        not_done="the target was not reached; the axis was told to stop",
+        to_do="look whether something is in its way or its motor is off, and home it before the next scan",
     )
 
 

@@ -5,10 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import TypeVar
 
-from drivers.clock import Clock, Deadline
+from drivers.clock import Clock
 from drivers.line_dialogue import LineDialogue
 from drivers.link import Link
-from drivers.motion import motion_deadline, refuse_outside, still_moving, stop_or_warn
 from drivers.newport_esp301_errors import ControllerError, parse_error
 from drivers.reply_text import number, switch, unusable, whole_number
 from goniometer.errors import DeviceFaultError, ReplyTimeoutError
@@ -56,20 +55,10 @@ class NewportEsp301:
         self._dialogue.begin()
         return tuple(str(error) for error in self._pop_errors())
 
-    def axis(
-        self,
-        number: int,
-        *,
-        name: str,
-        limits_deg: tuple[float, float],
-        velocity_deg_s: float,
-        acceleration_deg_s2: float,
-        settle_s: float,
-        tolerance_deg: float,
-    ) -> Esp301Axis:
-        """Return the axis with this number; nothing is sent before its `connect`."""
+    def stage(self, number: int, *, name: str, velocity_deg_s: float, acceleration_deg_s2: float) -> Esp301Stage:
+        """Return the stage at the connector with this number; nothing is sent before its `connect`."""
         self._names[number] = name
-        return Esp301Axis(self, number, name, limits_deg, velocity_deg_s, acceleration_deg_s2, settle_s, tolerance_deg)
+        return Esp301Stage(self, number, name, velocity_deg_s, acceleration_deg_s2)
 
     def send(self, command: str) -> None:
         """Send a command that has no answer."""
@@ -115,28 +104,25 @@ class NewportEsp301:
         return errors
 
 
-class Esp301Axis:
-    """One axis of the controller, satisfying the engine's rotary axis; angles in degrees."""
+class Esp301Stage:
+    """One stage of the controller. Whether it was homed the controller does not say: it is taken to be."""
+
+    reports_in_motion = True
 
     def __init__(
         self,
         controller: NewportEsp301,
         number: int,
         name: str,
-        limits_deg: tuple[float, float],
         velocity_deg_s: float,
         acceleration_deg_s2: float,
-        settle_s: float,
-        tolerance_deg: float,
     ) -> None:
-        self.name, self.settle_s, self.tolerance_deg = name, settle_s, tolerance_deg
-        self.limits_deg, self.velocity_deg_s, self.acceleration_deg_s2 = limits_deg, velocity_deg_s, acceleration_deg_s2
+        self.name, self.velocity_deg_s, self.acceleration_deg_s2 = name, velocity_deg_s, acceleration_deg_s2
         self._controller = controller
         self._number = number
-        self._target_deg = 0.0
-        self._deadline: Deadline | None = None
+        self._under_way = ""
 
-    def connect(self) -> None:
+    def connect(self) -> tuple[str, ...]:
         """Check the stage and its unit, set velocity and acceleration, switch the motor on; moves nothing.
 
         Raises
@@ -169,55 +155,61 @@ class Esp301Axis:
         self._send(f"AG{self.acceleration_deg_s2:.6f}")
         self._send("MO")
         self._controller.raise_errors(not_done="the axis was not set up")
-        if not self._query("MO?", switch):
-            raise DeviceFaultError(
-                self.name,
-                "the motor stays off",
-                not_done="the axis was not set up",
-                to_do="release the emergency stop, look at the amplifier, then start again",
-            )
+        self._require_power(not_done="the axis was not set up")
+        return ()
+
+    def is_homed(self) -> bool:
+        """Whether the stage knows its zero, as far as the controller can tell: always."""
+        return True
+
+    def start_homing(self) -> None:
+        """Begin to search home in the controller's own way (OM)."""
+        self._under_way = f"the search of {self.name} for its home position"
+        self._send("OR")
+        self._controller.raise_errors(self._under_way)
 
     def start_move(self, target_deg: float) -> None:
-        """Begin to move to `target_deg`.
-
-        Raises
-        ------
-        LimitError
-            When the target is outside the limits; nothing is sent.
-        DeviceFaultError
-            When the controller refuses the move.
-        """
-        refuse_outside(self.name, target_deg, self.limits_deg)
-        distance_deg = target_deg - self.position_deg()
-        self._target_deg = target_deg
+        """Begin to move to `target_deg`; raises DeviceFaultError when the controller refuses."""
+        self._under_way = f"the move of {self.name} to {target_deg:g} degrees"
         self._send(f"PA{target_deg:.6f}")
-        self._deadline = motion_deadline(
-            self._controller.clock, distance_deg, self.velocity_deg_s, self.acceleration_deg_s2
-        )
-        self._controller.raise_errors(not_done=f"the move of {self.name} to {target_deg:g} degrees")
+        self._controller.raise_errors(self._under_way)
 
     def is_moving(self) -> bool:
-        """Ask whether the motion goes on; raises DeviceFaultError or ReplyTimeoutError when it has failed."""
-        if self._query("MD?", switch):
-            self._controller.raise_errors(not_done=f"the move of {self.name} to {self._target_deg:g} degrees")
-            return False
-        if self._deadline is not None and self._deadline.has_passed():
-            raise still_moving(self.name, self._target_deg)
-        return True
+        """Ask whether the motion goes on; raises DeviceFaultError when it has failed or the motor has lost power."""
+        if not self._query("MD?", switch):
+            return True
+        not_done, self._under_way = self._under_way, ""
+        self._controller.raise_errors(not_done or "what was to follow")
+        if not_done:
+            # a controller that was reset says that motion is done, and starts to count at 0 where it stands
+            self._require_power(not_done)
+        return False
 
     def position_deg(self) -> float:
         """Where the encoder says the axis is."""
         return self._query("TP?", number)
 
     def stop(self) -> None:
-        """Stop with the set deceleration; safe at any time, also when an exchange was interrupted: it has no answer.
+        """Stop with the set deceleration; safe at any time, also when an exchange was interrupted: it has no answer."""
+        self._controller.stop(self._number)
 
-        Raises
-        ------
-        NotConnectedError
-            When the link is gone and a fresh connection fails too: the axis may still be moving.
-        """
-        stop_or_warn(self.name, lambda: self._controller.stop(self._number), self._controller.reconnect)
+    def reconnect(self) -> None:
+        """Open the port of the controller, and so of all its axes, afresh."""
+        self._controller.reconnect()
+
+    def close(self) -> None:
+        """Close the port of the controller, and so of all its axes; motors stay powered and hold their positions."""
+        self._controller.close()
+
+    def _require_power(self, not_done: str) -> None:
+        if not self._query("MO?", switch):
+            raise DeviceFaultError(
+                self.name,
+                "the motor is off: its controller was reset, or the emergency stop is pressed",
+                not_done=not_done,
+                to_do=f"release the emergency stop, look at the amplifier, then home the axis {self.name} before the "
+                "next scan",
+            )
 
     def _send(self, command: str) -> None:
         self._controller.send(f"{self._number}{command}")

@@ -15,6 +15,8 @@ class Stage(Protocol):
     name: str
     velocity_deg_s: float
     acceleration_deg_s2: float
+    reports_in_motion: bool
+    """Whether the position can be asked for while the stage moves."""
 
     def connect(self) -> tuple[str, ...]:
         """Check that the device is the one expected and tell it its speed; moves nothing.

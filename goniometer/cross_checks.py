@@ -8,7 +8,11 @@ from pathlib import Path
 
 from acquisition.recipe import Recipe
 from goniometer.planning import beginning
-from goniometer.rig_file import NewportEsp301Entry, OrientalAzEntry, Rig, Role, ThorlabsFw102cEntry
+from goniometer.rig_devices.entry import Role
+from goniometer.rig_devices.newport_esp301 import NewportEsp301Entry
+from goniometer.rig_devices.oriental_az import OrientalAzEntry
+from goniometer.rig_devices.thorlabs_fw102c import ThorlabsFw102cEntry
+from goniometer.rig_file import Rig
 from goniometer.yaml_file import Fault, KeyPath, YamlFile
 from model.acceptance import WIDEST_RAD, half_angle_rad
 from sim_devices.scene import Device, NewportEsp301Device, OrientalAzDevice, Scene, ThorlabsFw102cDevice
@@ -50,8 +54,8 @@ def recipe_on_rig(recipe: Recipe, file: YamlFile, rig: Rig, rig_path: Path) -> I
 
 
 def _slot_faults(recipe: Recipe, file: YamlFile, rig: Rig, rig_path: Path) -> Iterator[Fault]:
-    contents = set(rig.analyzer.slots.values())
-    angles = ", ".join(f"{content:g}" for content in rig.analyzer.slots.values() if not isinstance(content, str))
+    contents = set(rig.analyzer.contents().values())
+    angles = ", ".join(f"{content:g}" for content in rig.analyzer.contents().values() if not isinstance(content, str))
     for number, angle in enumerate(recipe.analyzer_deg):
         if angle not in contents:
             yield file.fault(
@@ -68,7 +72,7 @@ def _slot_faults(recipe: Recipe, file: YamlFile, rig: Rig, rig_path: Path) -> It
 
 def _angle_faults(recipe: Recipe, file: YamlFile, rig: Rig, rig_path: Path) -> Iterator[Fault]:
     for role, place, angle in _angles(recipe):
-        low, high = rig.axes()[role].limits_deg
+        low, high = rig.axes()[role].travel.reachable_deg
         if not low <= angle <= high:
             yield file.fault(
                 place, f"asks for {angle:g} degrees; allowed: {low:g} to {high:g}, the limits of {role} in {rig_path}"

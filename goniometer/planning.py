@@ -13,10 +13,10 @@ from acquisition.fit_points import surface_family
 from acquisition.recipe import Recipe
 from acquisition.reduce import NoiseModel, Radiometry, Reduction
 from acquisition.steering import Steering
-from acquisition.timing import AnalyzerTiming, AxisTiming, BenchTiming
+from acquisition.timing import BenchTiming
 from drivers.clock import Clock
 from goniometer.durations import clock_text
-from goniometer.rig_file import AxisEntry, Rig
+from goniometer.rig_file import Rig
 
 
 def plan(recipe: Recipe, rig: Rig) -> tuple[Step, ...]:
@@ -60,7 +60,7 @@ def aim(recipe: Recipe) -> str:
 
 def slots(rig: Rig) -> Slots:
     """What the rig's analyzer holds in which slot."""
-    held = rig.analyzer.slots
+    held = rig.analyzer.contents()
     return Slots(
         polarizers={float(content): slot for slot, content in held.items() if not isinstance(content, str)},
         offset_deg=rig.analyzer.offset_deg,
@@ -71,18 +71,8 @@ def slots(rig: Rig) -> Slots:
 
 def timing(rig: Rig) -> BenchTiming:
     """The speeds that the rig file states."""
-
-    def of(axis: AxisEntry) -> AxisTiming:
-        return AxisTiming(axis.velocity_deg_s, axis.acceleration_deg_s2, axis.settle_s)
-
-    axes = rig.axes()
-    analyzer = rig.analyzer
-    return BenchTiming(
-        source_arm=of(axes["source_arm"]),
-        detector_arm=of(axes["detector_arm"]),
-        sample_azimuth=of(axes["sample_azimuth"]),
-        analyzer=AnalyzerTiming(len(analyzer.slots), analyzer.slot_s, analyzer.settle_s),
-    )
+    axes = {role: axis.timing for role, axis in rig.axes().items()}
+    return BenchTiming(axes["source_arm"], axes["detector_arm"], axes["sample_azimuth"], rig.analyzer.timing)
 
 
 def reduction(recipe: Recipe, rig: Rig) -> Reduction:

@@ -39,7 +39,7 @@ def changes(recipe: Recipe, rig: Rig) -> Iterator[Change]:
 
 def polarizer_sets(recipe: Recipe, rig: Rig) -> tuple[list[Change], list[Change]]:
     """The recipe with every polarizer of the rig's wheel, and with any three of them, unless it is so already."""
-    offered = sorted(content for content in rig.analyzer.slots.values() if not isinstance(content, str))
+    offered = sorted(content for content in rig.analyzer.contents().values() if not isinstance(content, str))
     every = [Change(_named(offered), _with_polarizers(recipe, offered))] if len(offered) > 3 else []
     triples = [
         Change(_named(three), _with_polarizers(recipe, three))

@@ -10,11 +10,11 @@ from pydantic import ValidationError
 
 from acquisition.expand import HOME, Slots, expand
 from acquisition.recipe import Recipe
-from acquisition.timing import READING_POLL_S, AnalyzerTiming, AxisTiming, BenchTiming
+from acquisition.timing import READING_POLL_S, AxisTiming, BenchTiming, WheelTiming
 
 SLOTS = Slots(polarizers={0.0: 2, 45.0: 3, 90.0: 4, 135.0: 5}, offset_deg=10.0, blocked=6, open=1)
 ARM = AxisTiming(velocity_deg_s=20, acceleration_deg_s2=80, settle_s=0.05)
-TIMING = BenchTiming(ARM, ARM, ARM, AnalyzerTiming(slots=6, slot_s=0.5, settle_s=0.05))
+TIMING = BenchTiming(ARM, ARM, ARM, WheelTiming(slots=6, slot_s=0.5, settle_s=0.05))
 
 
 def recipe(**changes):
@@ -83,7 +83,7 @@ def test_a_move_lasts_as_long_as_its_speed_profile(distance_deg, velocity_deg_s,
 
 @pytest.mark.parametrize(("start", "end", "slots"), [(1, 6, 1), (6, 1, 1), (2, 5, 3), (1, 4, 3), (3, 3, 0), (5, 1, 2)])
 def test_the_wheel_goes_the_shorter_way(start, end, slots):
-    assert AnalyzerTiming(6, 0.5, 0.0).move_s(start, end) == slots * 0.5
+    assert WheelTiming(6, 0.5, 0.0).move_s(start, end) == slots * 0.5
 
 
 def test_a_step_lasts_as_long_as_its_slowest_move_and_its_readings():

@@ -10,11 +10,11 @@ from acquisition.expand import Slots, expand
 from acquisition.expected_noise import Detection, expected_covariance, expected_points, expected_readings
 from acquisition.recipe import Recipe
 from acquisition.reduce import NoiseModel, Radiometry, Reduction
-from acquisition.timing import AnalyzerTiming, AxisTiming, BenchTiming
+from acquisition.timing import AxisTiming, BenchTiming, WheelTiming
 
 SLOTS = Slots(polarizers={0.0: 2, 45.0: 3, 90.0: 4, 135.0: 5}, offset_deg=10.0, blocked=6, open=1)
 ARM = AxisTiming(velocity_deg_s=20, acceleration_deg_s2=80, settle_s=0.05)
-TIMING = BenchTiming(ARM, ARM, ARM, AnalyzerTiming(slots=6, slot_s=0.5, settle_s=0.05))
+TIMING = BenchTiming(ARM, ARM, ARM, WheelTiming(slots=6, slot_s=0.5, settle_s=0.05))
 DETECTION = Detection(Radiometry(1e-4, 1e-4), NoiseModel(2e-11, 0.003, shot=True, wavelength_nm=550.0), dark_w=2e-10)
 STOKES = np.array([0.3, 0.12, -0.05])
 SETTING = {"analyzer_deg": [10.0, 55.0, 100.0, 145.0], "exposure_s": 0.03}

@@ -17,7 +17,7 @@ from acquisition.recipe import Recipe
 from acquisition.reduce import NoiseModel, Radiometry
 from acquisition.stays import Prospect, plan, time_needed_s
 from acquisition.steering import Steering
-from acquisition.timing import AnalyzerTiming, AxisTiming, BenchTiming
+from acquisition.timing import AxisTiming, BenchTiming, WheelTiming
 from acquisition.wanted import judge
 from model.design.design import Criterion
 from model.design.information import information, standard_errors
@@ -72,7 +72,7 @@ class Bench:
         self.surface, self.now_s, self.events, self.points, self.visits = surface, 0.0, [], [], []
         self._random = np.random.default_rng(seed)
         self.family = surface_family(scan.fit, 1e-4)
-        timing = BenchTiming(ARM, arm, ARM, AnalyzerTiming(slots=6, slot_s=0.5, settle_s=0.05))
+        timing = BenchTiming(ARM, arm, ARM, WheelTiming(slots=6, slot_s=0.5, settle_s=0.05))
         self.maker = Visits(scan, SLOTS, timing)
         choose = Adaptive(scan, self.maker, self.family, DETECTION) if scan.adaptive else passes(scan)
         self.begun_s = []

@@ -4,6 +4,7 @@ import select
 
 import pytest
 
+from drivers.axis import Axis, Travel
 from drivers.newport_esp301 import NewportEsp301
 from drivers.newport_esp301_errors import ControllerError, parse_error
 from goniometer.errors import DeviceFaultError, LimitError, NotConnectedError, ReplyError, ReplyTimeoutError
@@ -28,16 +29,8 @@ def arm(make_peer, open_link, clock):
     def make(reply_timeout_s=2.0, **changes):
         peer = make_peer(ANSWERS | {name.encode() + b"?": answer for name, answer in changes.items()})
         controller = NewportEsp301(open_link(peer.port, "arms", reply_timeout_s), clock)
-        axis = controller.axis(
-            1,
-            name="source_arm",
-            limits_deg=(-5, 90),
-            velocity_deg_s=20,
-            acceleration_deg_s2=80,
-            settle_s=0.05,
-            tolerance_deg=0.005,
-        )
-        return peer, controller, axis
+        stage = controller.stage(1, name="source_arm", velocity_deg_s=20, acceleration_deg_s2=80)
+        return peer, controller, Axis(stage, clock, Travel((-5, 90), settle_s=0.05, tolerance_deg=0.005))
 
     return make
 
@@ -95,7 +88,7 @@ def test_refused_velocity_and_motor_that_stays_off_are_faults(arm):
     ):
         axis.connect()
     _, _, axis = arm(**{"1MO": b"0\r\n"})
-    with pytest.raises(DeviceFaultError, match="source_arm: the motor stays off"):
+    with pytest.raises(DeviceFaultError, match=r"source_arm: the motor is off: .* emergency stop"):
         axis.connect()
 
 
@@ -104,7 +97,22 @@ def test_move_sends_the_target_and_asks_for_errors(arm):
     axis.start_move(60)
     assert peer.commands == [b"1TP?", b"1PA60.000000", b"TB?"]
     assert [axis.is_moving(), axis.is_moving(), axis.is_moving()] == [True, True, False]
-    assert peer.commands[3:] == [b"1MD?", b"1MD?", b"1MD?", b"TB?"]
+    assert peer.commands[3:] == [b"1MD?", b"1MD?", b"1MD?", b"TB?", b"1MO?"]
+
+
+def test_controller_that_was_reset_in_motion_is_not_taken_to_have_arrived(arm):
+    # its motor is off and it counts from 0 where it stands, which here is the target
+    _, _, axis = arm(**{"1TP": [b"12.500000\r\n", b"0.000000\r\n"], "1MO": b"0\r\n"})
+    axis.start_move(0)
+    with pytest.raises(DeviceFaultError, match=r"source_arm: the motor is off: its controller was reset"):
+        axis.is_moving()
+
+
+def test_home_search_is_the_controllers_own_and_is_waited_for(arm):
+    peer, _, axis = arm(**{"1MD": [b"0\r\n", b"1\r\n"]})
+    axis.start_homing()
+    assert [axis.is_moving(), axis.is_moving()] == [True, False]
+    assert peer.commands == [b"1OR", b"TB?", b"1MD?", b"1MD?", b"TB?", b"1MO?"]
 
 
 @pytest.mark.parametrize("target_deg", [90.001, -5.001, float("nan"), float("inf")])
@@ -144,25 +152,17 @@ def test_fault_during_the_motion_is_raised_when_it_ends(arm):
 
 def test_fault_names_the_axis_it_belongs_to(arm):
     _, controller, axis = arm(TB=[b"203, 1, AXIS-2 FOLLOWING ERROR\r\n", CLEAN])
-    controller.axis(
-        2,
-        name="detector_arm",
-        limits_deg=(-85, 85),
-        velocity_deg_s=20,
-        acceleration_deg_s2=80,
-        settle_s=0,
-        tolerance_deg=1,
-    )
+    controller.stage(2, name="detector_arm", velocity_deg_s=20, acceleration_deg_s2=80)
     with pytest.raises(DeviceFaultError, match=r"detector_arm: the controller reports error 203, .* \(axis 2\)"):
         axis.is_moving()
 
 
 @pytest.mark.usefixtures("no_real_grace")
 def test_motion_has_twice_its_duration_and_five_seconds(arm, clock):
-    _, _, axis = arm(**{"1MD": b"0\r\n"})
+    _, _, axis = arm(**{"1MD": b"0\r\n", "1TP": [b"12.5\r\n", b"20.0\r\n", b"30.0\r\n"]})
     axis.start_move(60)
     expected_s = 47.5 / 20 + 20 / 80
-    clock.time_s = 0.01 + 2 * expected_s + 5 - 1e-6
+    clock.time_s = 2 * expected_s + 5 - 1e-6
     assert axis.is_moving()
     clock.time_s += 2e-6
     with pytest.raises(ReplyTimeoutError, match="source_arm: the motion to 60 degrees has not ended"):

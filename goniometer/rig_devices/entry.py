@@ -1,0 +1,159 @@
+"""What the rig file's devices have in common: a driver, a port, and a part to play on the bench."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Iterator, Mapping
+from typing import Annotated, ClassVar, Literal, Self
+
+from pydantic import Field, model_validator
+
+from acquisition.section import Section, SectionFault, refuse_all
+from acquisition.timing import AnalyzerTiming, AxisTiming
+from drivers.axis import Travel
+from goniometer.port_address import Port
+from goniometer.rig_devices.connecting import Connecting
+
+Role = Literal["source_arm", "detector_arm", "sample_azimuth"]
+ROLES: tuple[Role, ...] = ("source_arm", "detector_arm", "sample_azimuth")
+
+Angle = Annotated[float, Field(ge=-360, le=360)]
+Slot = Angle | Literal["open", "blocked"]
+
+
+class DeviceEntry(Section, ABC):
+    """A device; a subclass names its family in `driver`, a literal with one value."""
+
+    part: ClassVar[str]
+    """What it does on the bench: "axes", "analyzer" or "detector"."""
+
+    driver: str
+    port: Port = Field(
+        description="COM3, /dev/ttyUSB0, socket://host:port, modbus-tcp://host:502 for Modbus TCP, or simulated"
+    )
+
+    @property
+    def place(self) -> str | None:
+        """Its address where several devices share the port; None for a device that needs a port of its own."""
+        return None
+
+    @abstractmethod
+    def connect(self, name: str, bench: Connecting) -> None:
+        """Connect the device and give `bench` what it drives; nothing moves."""
+
+
+class AxisEntry(Section):
+    """An axis in its role: how far and how fast it may turn, and when it has arrived."""
+
+    limits_deg: Annotated[tuple[Angle, Angle], Field(strict=False)] = Field(
+        description="lowest and highest angle that the axis may be sent to, in degrees"
+    )
+    velocity_deg_s: float = Field(gt=0, le=1000, description="speed, in degrees per second")
+    acceleration_deg_s2: float = Field(gt=0, le=10000, description="acceleration, in degrees per second squared")
+    settle_s: float = Field(ge=0, le=60, description="wait after a move until the axis has come to rest, in s")
+    tolerance_deg: float = Field(gt=0, le=5, description="how far from its target the axis may stop, in degrees")
+    zero_deg: float = Field(
+        default=0.0, ge=-360, le=360, description="what the stage reads where the axis is at 0, in degrees"
+    )
+    backlash_deg: float = Field(
+        default=0.0, ge=0, le=10, description="play of the gear: each target is approached upwards from so far below"
+    )
+    wraps: bool = Field(
+        default=False, description="whether the stage may turn for ever, so that the axis takes the shorter way round"
+    )
+
+    @model_validator(mode="after")
+    def _check_limits(self) -> Self:
+        refuse_all(self._limit_faults())
+        return self
+
+    def _limit_faults(self) -> Iterator[SectionFault]:
+        low, high = self.limits_deg
+        if not low < high:
+            yield ("limits_deg",), f"got [{low:g}, {high:g}]; allowed: the lowest angle, then a higher one"
+        elif self.wraps and high - low < 360:
+            yield (
+                ("wraps",),
+                f"is true, but limits_deg [{low:g}, {high:g}] leave out a part of the turn that the shorter way round "
+                "may lead through; allowed: false, or limits 360 degrees apart",
+            )
+        elif not self.travel.reachable_deg[0] < high:
+            yield (
+                ("backlash_deg",),
+                f"got {self.backlash_deg:g}, which leaves nothing of limits_deg [{low:g}, {high:g}]",
+            )
+
+    @property
+    def travel(self) -> Travel:
+        """How the axis may be moved."""
+        return Travel(self.limits_deg, self.settle_s, self.tolerance_deg, self.zero_deg, self.backlash_deg, self.wraps)
+
+    @property
+    def timing(self) -> AxisTiming:
+        """How long it moves."""
+        return AxisTiming(self.velocity_deg_s, self.acceleration_deg_s2, self.settle_s)
+
+
+class AxesEntry(DeviceEntry):
+    """A controller of one or more axes."""
+
+    part: ClassVar[str] = "axes"
+
+    @abstractmethod
+    def axes_by_role(self) -> Mapping[Role, AxisEntry]:
+        """Its axes."""
+
+
+class AnalyzerEntry(DeviceEntry):
+    """An analyzer with numbered slots."""
+
+    part: ClassVar[str] = "analyzer"
+
+    offset_deg: float = Field(
+        default=0.0,
+        ge=-180,
+        le=180,
+        description="added to every polarizer angle: the analyzer's zero, from the s-direction, in degrees",
+    )
+    settle_s: float = Field(ge=0, le=60, description="wait after the analyzer has arrived, in s")
+
+    @abstractmethod
+    def contents(self) -> Mapping[int, Slot]:
+        """What each slot holds: a polarizer's angle in degrees, open, or blocked."""
+
+    @property
+    @abstractmethod
+    def timing(self) -> AnalyzerTiming:
+        """How long it takes from one slot to another."""
+
+
+class NoiseEntry(Section):
+    """The detector's noise, from which every reading gets its weight."""
+
+    read_w: float = Field(gt=0, le=1, description="standard deviation of one sample in the dark, in W")
+    shot: bool = Field(description="whether photon noise is added")
+
+
+class DetectorEntry(DeviceEntry):
+    """A detector of optical power that averages whole samples."""
+
+    part: ClassVar[str] = "detector"
+
+    sample_s: float = Field(gt=0, le=10, description="duration of one sample, in s; a reading averages whole samples")
+    noise: NoiseEntry = Field(description="the detector's noise")
+
+    @property
+    @abstractmethod
+    def most_samples(self) -> int:
+        """Samples that one reading averages at most."""
+
+
+def angle_faults(slots: Mapping[int, Slot]) -> Iterator[SectionFault]:
+    """Polarizer angles that more than one slot holds."""
+    first: dict[float, int] = {}
+    for slot, content in slots.items():
+        if not isinstance(content, str) and first.setdefault(content, slot) != slot:
+            yield (
+                ("slots", slot),
+                f"holds {content:g} degrees, as slot {first[content]} does; allowed: each angle once",
+            )

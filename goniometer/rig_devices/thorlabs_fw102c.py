@@ -1,0 +1,67 @@
+"""Thorlabs FW102C and FW212C in a rig file."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Annotated, Literal, Self
+
+from pydantic import Field, model_validator
+
+from acquisition.section import SectionFault, refuse_all
+from acquisition.timing import AnalyzerTiming, WheelTiming
+from drivers.link import Link
+from drivers.thorlabs_fw102c import ThorlabsFw102c
+from goniometer.rig_devices.connecting import Connecting
+from goniometer.rig_devices.entry import AnalyzerEntry, Slot, angle_faults
+
+WHEEL_SIZES = (6, 12)
+"""Positions of the FW102C and of the FW212C."""
+
+
+class ThorlabsFw102cEntry(AnalyzerEntry):
+    """Thorlabs FW102C or FW212C filter wheel with polarizers in its slots."""
+
+    driver: Literal["thorlabs_fw102c"] = Field(description="the device's family")
+    baudrate: Literal[9600, 115200] = Field(
+        default=115200, description="as set in the wheel; without effect on a socket"
+    )
+    slots: dict[Annotated[int, Field(ge=1, le=12)], Slot] = Field(
+        description="what each of the 6 or 12 slots holds: a polarizer's angle in degrees, open, or blocked"
+    )
+    slot_s: float = Field(gt=0, le=10, description="time from one slot to its neighbour, in s")
+
+    @model_validator(mode="after")
+    def _check_slots(self) -> Self:
+        refuse_all(self._slot_faults())
+        return self
+
+    def _slot_faults(self) -> Iterator[SectionFault]:
+        if sorted(self.slots) not in [list(range(1, size + 1)) for size in WHEEL_SIZES]:
+            yield (
+                ("slots",),
+                f"describes the slots {', '.join(map(str, sorted(self.slots))) or 'none'}; allowed: every slot of the "
+                "wheel, 1 to 6 or 1 to 12. Write blocked for a slot that is not used",
+            )
+        yield from angle_faults(self.slots)
+
+    def contents(self) -> Mapping[int, Slot]:
+        """What each slot holds."""
+        return self.slots
+
+    @property
+    def timing(self) -> AnalyzerTiming:
+        """The wheel goes the shorter way round."""
+        return WheelTiming(len(self.slots), self.slot_s, self.settle_s)
+
+    def connect(self, name: str, bench: Connecting) -> None:
+        """Connect the wheel."""
+        wheel = ThorlabsFw102c(
+            Link(bench.ports[name], device=name, baudrate=self.baudrate),
+            bench.clock,
+            name=name,
+            slots=len(self.slots),
+            slot_s=self.slot_s,
+            settle_s=self.settle_s,
+        )
+        bench.opened(wheel).connect()
+        bench.analyzers[name] = wheel
