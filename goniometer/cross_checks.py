@@ -9,13 +9,10 @@ from pathlib import Path
 from acquisition.recipe import Recipe
 from goniometer.planning import beginning
 from goniometer.rig_devices.entry import Role
-from goniometer.rig_devices.newport_esp301 import NewportEsp301Entry
-from goniometer.rig_devices.oriental_az import OrientalAzEntry
-from goniometer.rig_devices.thorlabs_fw102c import ThorlabsFw102cEntry
 from goniometer.rig_file import Rig
 from goniometer.yaml_file import Fault, KeyPath, YamlFile
 from model.acceptance import WIDEST_RAD, half_angle_rad
-from sim_devices.scene import Device, NewportEsp301Device, OrientalAzDevice, Scene, ThorlabsFw102cDevice
+from sim_devices.scene import Scene
 
 _SAME_DURATION = 1e-6
 """Relative difference up to which an exposure is a whole number of samples."""
@@ -126,39 +123,8 @@ def scene_on_rig(scene: Scene, file: YamlFile, rig: Rig, rig_path: Path) -> Iter
                 f"got {device.type}; allowed: {rig.devices[name].driver}, the driver of {name} in {rig_path}",
             )
         else:
-            yield from _device_faults(name, device, file, rig, rig_path)
+            for place, what in rig.devices[name].unlike(device):
+                yield file.fault(("devices", name, *place), f"{what}, as in {rig_path}")
     for name in rig.devices:
         if name not in scene.devices:
             yield file.fault(("devices",), f"does not hold the device {name}, which {rig_path} has. Add it")
-
-
-def _device_faults(name: str, device: Device, file: YamlFile, rig: Rig, rig_path: Path) -> Iterator[Fault]:
-    match rig.devices[name], device:
-        case NewportEsp301Entry(axes=axes), NewportEsp301Device(axes=simulated):
-            expected = {axis.axis: role for role, axis in axes.items()}
-            if simulated != expected:
-                wanted = ", ".join(f"{number}: {role}" for number, role in sorted(expected.items()))
-                yield file.fault(("devices", name, "axes"), f"differ from {rig_path}; allowed: {{{wanted}}}")
-        case OrientalAzEntry() as entry, OrientalAzDevice():
-            if device.unit != entry.unit:
-                yield file.fault(
-                    ("devices", name, "unit"), f"got {device.unit}; allowed: {entry.unit}, as in {rig_path}"
-                )
-            if device.axis not in entry.axes:
-                yield file.fault(
-                    ("devices", name, "axis"), f"got {device.axis}; allowed: {', '.join(entry.axes)}, as in {rig_path}"
-                )
-            for axis in entry.axes.values():
-                if not math.isclose(device.step_deg * axis.steps_per_deg, 1.0, rel_tol=1e-6):
-                    yield file.fault(
-                        ("devices", name, "step_deg"),
-                        f"got {device.step_deg:g}; allowed: {1 / axis.steps_per_deg:g}, by steps_per_deg in {rig_path}",
-                    )
-        case ThorlabsFw102cEntry() as entry, ThorlabsFw102cDevice():
-            if len(device.slots) != len(entry.slots):
-                yield file.fault(
-                    ("devices", name, "slots"),
-                    f"hold {len(device.slots)} slots; allowed: {len(entry.slots)}, as in {rig_path}",
-                )
-        case _:
-            pass

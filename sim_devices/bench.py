@@ -8,12 +8,8 @@ from types import TracebackType
 
 from sim_devices.clock import BenchClock
 from sim_devices.device import Device
-from sim_devices.newport_esp301 import NewportEsp301
-from sim_devices.oriental_az import OrientalAz
 from sim_devices.reactor import Reactor
-from sim_devices.scene import NewportEsp301Device, OrientalAzDevice, Scene, ThorlabsFw102cDevice
-from sim_devices.thorlabs_fw102c import ThorlabsFw102c
-from sim_devices.thorlabs_pm100 import ThorlabsPm100
+from sim_devices.scene import Scene
 from sim_devices.world import World
 
 
@@ -51,7 +47,7 @@ class Bench:
 
     def start(self) -> None:
         """Open the ports and begin to serve them; once only."""
-        for name, device in _devices(self.world).items():
+        for name, device in self.world.devices.items():
             self.addresses[name] = Address(self.listen(device), self._pty(device))
         self.clock.attach(self)
         self._reactor.start()
@@ -90,17 +86,3 @@ class Bench:
         except OSError:
             # a system that has run out of them, or was set up without; the address says so
             return None
-
-
-def _devices(world: World) -> dict[str, Device]:
-    devices: dict[str, Device] = {}
-    for name, device in world.scene.devices.items():
-        if isinstance(device, NewportEsp301Device):
-            devices[name] = NewportEsp301({number: world.axes[role] for number, role in device.axes.items()})
-        elif isinstance(device, OrientalAzDevice):
-            devices[name] = OrientalAz(device.unit, world.axes[device.axis])
-        elif isinstance(device, ThorlabsFw102cDevice):
-            devices[name] = ThorlabsFw102c(world.wheel, device.slots)
-        else:
-            devices[name] = ThorlabsPm100(world)
-    return devices

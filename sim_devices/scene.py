@@ -1,33 +1,25 @@
-"""What a simulated bench holds: the scene file, as frozen models.
-
-Every number is strict: text and booleans are not taken for numbers, and infinities and NaN are refused.
-"""
+"""What a simulated bench holds: the scene file, as frozen models."""
 
 from __future__ import annotations
 
 from collections import Counter
 from typing import Annotated, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import Field, model_validator
 
 from model import materials
-
-AxisRole = Literal["source_arm", "detector_arm", "sample_azimuth"]
-Slot = Literal["open", "blocked"] | Annotated[float, Field(ge=-180, le=180)]
-
-
-class _Part(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True, strict=True, allow_inf_nan=False)
+from sim_devices.bench_devices.known import AnyDevice
+from sim_devices.scene_part import ScenePart
 
 
-class Index(_Part):
+class Index(ScenePart):
     """Complex refractive index n + ik."""
 
     n: float = Field(ge=1e-3, le=20, description="real part")
     k: float = Field(ge=0, le=20, description="imaginary part, 0 for a transparent material")
 
 
-class Sample(_Part):
+class Sample(ScenePart):
     """The surface in the beam: rms slope `sigma`, the weights of its three lobes, and its material or its index."""
 
     material: str | None = Field(default=None, description="a material of the table, for example Fe; or write index")
@@ -59,87 +51,40 @@ class Sample(_Part):
         return self
 
 
-class Lamp(_Part):
+class Lamp(ScenePart):
     """The source: unpolarized, of one wavelength."""
 
     power_w: float = Field(gt=0, le=10, description="power of the beam on the sample, in W")
     wavelength_nm: float = Field(ge=200, le=2000, description="wavelength, in nm")
 
 
-class NewportEsp301Device(_Part):
-    """A Newport ESP301 controller; `axes` says which arm each of its axes turns."""
-
-    type: Literal["newport_esp301"] = Field(description="the device's family")
-    axes: dict[Annotated[int, Field(ge=1, le=3)], AxisRole] = Field(
-        min_length=1, description="which arm each of the controller's axes turns, by the axis' number"
-    )
-
-
-class OrientalAzDevice(_Part):
-    """An Oriental Motor AZ drive; `unit` is its Modbus address and `step_deg` one step of its motor at the table."""
-
-    type: Literal["oriental_az"] = Field(description="the device's family")
-    unit: int = Field(ge=1, le=31, description="Modbus address")
-    axis: AxisRole = Field(description="what the drive turns")
-    step_deg: float = Field(ge=1e-4, le=1, description="one motor step at the table, in degrees")
-
-
-class ThorlabsFw102cDevice(_Part):
-    """A Thorlabs wheel; `slots` gives the true angle of the polarizer in each slot, in degrees from s."""
-
-    type: Literal["thorlabs_fw102c"] = Field(description="the device's family")
-    slots: dict[int, Slot] = Field(
-        description="what each slot truly holds: a polarizer's angle from s in degrees, open, or blocked"
-    )
-
-    @model_validator(mode="after")
-    def _fills_a_wheel(self) -> ThorlabsFw102cDevice:
-        if sorted(self.slots) not in (list(range(1, 7)), list(range(1, 13))):
-            given = ", ".join(str(slot) for slot in sorted(self.slots)) or "none"
-            raise ValueError(f"a wheel has slots 1 to 6, or 1 to 12, and each must be given; here are {given}")
-        return self
-
-
-class ThorlabsPm100Device(_Part):
-    """A Thorlabs power meter that accepts light from the solid angle `acceptance_sr`."""
-
-    type: Literal["thorlabs_pm100"] = Field(description="the device's family")
-    acceptance_sr: float = Field(gt=0, le=0.1, description="solid angle that the detector accepts, in sr")
-
-
-Device = Annotated[
-    NewportEsp301Device | OrientalAzDevice | ThorlabsFw102cDevice | ThorlabsPm100Device,
-    Field(discriminator="type"),
-]
-
-
-class DarkCurrent(_Part):
+class DarkCurrent(ScenePart):
     """Power that the detector reports in the dark."""
 
     effect: Literal["dark_current"] = Field(description="the effect's name")
     power_w: float = Field(gt=0, le=1e-3, description="power reported in the dark, in W")
 
 
-class AcceptanceCone(_Part):
+class AcceptanceCone(ScenePart):
     """The detector takes the mean over its cone of directions; needed where light is followed for several bounces."""
 
     effect: Literal["acceptance_cone"] = Field(description="the effect's name")
 
 
-class ShotNoise(_Part):
+class ShotNoise(ScenePart):
     """The statistics of counting photons."""
 
     effect: Literal["shot_noise"] = Field(description="the effect's name")
 
 
-class ReadNoise(_Part):
+class ReadNoise(ScenePart):
     """The detector's own noise: standard deviation of one 3 ms sample."""
 
     effect: Literal["read_noise"] = Field(description="the effect's name")
     power_w: float = Field(gt=0, le=1e-3, description="standard deviation of one 3 ms sample, in W")
 
 
-class Quantisation(_Part):
+class Quantisation(ScenePart):
     """Significant digits of a reading."""
 
     effect: Literal["quantisation"] = Field(description="the effect's name")
@@ -149,7 +94,7 @@ class Quantisation(_Part):
 Effect = Annotated[AcceptanceCone | DarkCurrent | ShotNoise | ReadNoise | Quantisation, Field(discriminator="effect")]
 
 
-class Scene(_Part):
+class Scene(ScenePart):
     """One simulated bench: sample, lamp, devices, and the effects of its detector.
 
     `rig` is the path of the rig file whose devices the bench simulates, as written.
@@ -162,20 +107,20 @@ class Scene(_Part):
     seed: int = Field(ge=0, lt=2**63, description="the same seed gives the same noise")
     sample: Sample = Field(description="the surface in the beam")
     lamp: Lamp = Field(description="the source")
-    devices: dict[str, Device] = Field(description="the devices, each under the name it has in the rig")
+    devices: dict[str, AnyDevice] = Field(description="the devices, each under the name it has in the rig")
     effects: Annotated[tuple[Effect, ...], Field(strict=False)] = Field(
         description="what disturbs the detector's readings; an effect that is not named costs nothing"
     )
 
     @model_validator(mode="after")
     def _is_a_whole_bench(self) -> Scene:
-        types = Counter(device.type for device in self.devices.values())
+        parts = Counter(device.part for device in self.devices.values())
         faults = [
-            f"a bench needs exactly one {needed}, and this one has {types[needed]}"
-            for needed in ("thorlabs_fw102c", "thorlabs_pm100")
-            if types[needed] != 1
+            f"a bench needs exactly one {needed}, and this one has {parts[needed]}"
+            for needed in ("analyzer", "detector")
+            if parts[needed] != 1
         ]
-        roles = Counter(self._axis_roles())
+        roles = Counter(role for device in self.devices.values() for role in device.roles())
         faults += [
             f"exactly one device must turn {role}, and here {roles[role]} do"
             for role in ("source_arm", "detector_arm", "sample_azimuth")
@@ -225,12 +170,3 @@ class Scene(_Part):
             "rho_d": sample.rho_d,
             "rho_dd": sample.rho_dd,
         }
-
-    def _axis_roles(self) -> list[AxisRole]:
-        roles: list[AxisRole] = []
-        for device in self.devices.values():
-            if isinstance(device, NewportEsp301Device):
-                roles += device.axes.values()
-            elif isinstance(device, OrientalAzDevice):
-                roles.append(device.axis)
-        return roles

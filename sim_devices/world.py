@@ -13,23 +13,12 @@ from model.geometry import in_plane
 from model.lobes import Diffuse, Directional, Specular
 from model.surface import Surface
 from sim_devices import effects
+from sim_devices.analyzer import Analyzer
 from sim_devices.axis import Axis
-from sim_devices.scene import (
-    DarkCurrent,
-    NewportEsp301Device,
-    OrientalAzDevice,
-    Quantisation,
-    ReadNoise,
-    Scene,
-    ShotNoise,
-    Slot,
-    ThorlabsFw102cDevice,
-    ThorlabsPm100Device,
-)
-from sim_devices.wheel import Wheel
+from sim_devices.bench_devices.entry import AxisRole
+from sim_devices.device import Device
+from sim_devices.scene import DarkCurrent, Quantisation, ReadNoise, Scene, ShotNoise
 
-# Newport URS stages resolve 0.0005 deg; the AZ drive's step is the scene's
-_ARM_STEP_DEG = 0.0005
 _PLANCK_J_S = 6.62607015e-34
 _LIGHT_SPEED_M_S = 299792458.0
 
@@ -40,30 +29,39 @@ class World:
     Parameters
     ----------
     scene : Scene
-        What the bench holds. Every axis starts at 0 deg and the wheel at slot 1.
+        What the bench holds. Every axis starts at 0 deg and a wheel at slot 1.
+
+    Attributes
+    ----------
+    axes : dict of str to Axis
+        What turns, by its role.
+    analyzer : Analyzer
+        What stands before the detector.
+    acceptance_sr : float
+        Solid angle that the detector accepts.
+    devices : dict of str to Device
+        What answers at the devices' ports, by their names in the scene.
     """
 
     def __init__(self, scene: Scene) -> None:
         self.scene = scene
         self.axes: dict[str, Axis] = {}
-        self.wheel = Wheel()
-        for device in scene.devices.values():
-            if isinstance(device, NewportEsp301Device):
-                self.axes |= {role: Axis(_ARM_STEP_DEG) for role in device.axes.values()}
-            elif isinstance(device, OrientalAzDevice):
-                self.axes[device.axis] = Axis(device.step_deg)
-            elif isinstance(device, ThorlabsFw102cDevice):
-                self._rows = {slot: analyzer_row(holds) for slot, holds in device.slots.items()}
-            elif isinstance(device, ThorlabsPm100Device):
-                self._acceptance_sr = device.acceptance_sr
+        self.analyzer: Analyzer
+        self.acceptance_sr: float
+        self.devices: dict[str, Device] = {name: device.install(self) for name, device in scene.devices.items()}
         self._sample: Surface | Acceptance = surface(scene)
         if scene.has_acceptance_cone:
-            self._sample = Acceptance(surface(scene), half_angle_rad(self._acceptance_sr))
+            self._sample = Acceptance(surface(scene), half_angle_rad(self.acceptance_sr))
         self._stokes = remember_last(self._sample.stokes)
         self._stokes(0.0, 0.5, 0.0)  # compiles the surface now, before a device has to answer in time
         self._parts = _detector_parts(scene)
         self._detect = effects.chain(list(self._parts.values()))
         self._measurements = 0
+
+    def add_axis(self, role: AxisRole, step_deg: float) -> Axis:
+        """A new axis in a role of the bench, for the controller that turns it."""
+        self.axes[role] = axis = Axis(step_deg)
+        return axis
 
     def power_w(self, time_s: float) -> float:
         """Power at the detector at `time_s`, before any effect of the detector.
@@ -71,7 +69,7 @@ class World:
         ``power acceptance cos(exit) (analyzer row · Stokes)``; nothing while the wheel turns, through a slot that
         holds nothing to look through, or when lamp or detector is below the sample's horizon.
         """
-        row = self._rows.get(self.wheel.slot(time_s) or 0)
+        row = self.analyzer.row(time_s)
         incidence_deg = self.axes["source_arm"].position_deg(time_s)
         exit_deg = self.axes["detector_arm"].position_deg(time_s)
         if row is None or abs(incidence_deg) >= 90 or abs(exit_deg) >= 90:
@@ -81,7 +79,7 @@ class World:
             incidence_deg, exit_deg = -incidence_deg, -exit_deg
         exit_rad, azimuth_rad = in_plane(math.radians(exit_deg))
         stokes = self._stokes(math.radians(incidence_deg), float(exit_rad), float(azimuth_rad))
-        reaching_w = self.scene.lamp.power_w * self._acceptance_sr * math.cos(math.radians(exit_deg))
+        reaching_w = self.scene.lamp.power_w * self.acceptance_sr * math.cos(math.radians(exit_deg))
         return max(0.0, reaching_w * float(row @ stokes))
 
     def measure_w(self, time_s: float, exposure_s: float) -> float:
@@ -107,16 +105,6 @@ def surface(scene: Scene) -> Surface:
         Directional(sample.rho_dd, sample.sigma, index),
     )
     return Surface([lobe for lobe in lobes if lobe.weight > 0])
-
-
-def analyzer_row(slot: Slot) -> NDArray[np.float64] | None:
-    """First row of the Mueller matrix of a slot: open, a polarizer (angle in degrees), or None for a lid."""
-    if slot == "blocked":
-        return None
-    if slot == "open":
-        return np.array([1.0, 0.0, 0.0, 0.0])
-    twice_rad = 2 * math.radians(slot)
-    return 0.5 * np.array([1.0, math.cos(twice_rad), math.sin(twice_rad), 0.0])
 
 
 def remember_last(

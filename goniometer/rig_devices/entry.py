@@ -13,6 +13,7 @@ from acquisition.timing import AnalyzerTiming, AxisTiming
 from drivers.axis import Travel
 from goniometer.port_address import Port
 from goniometer.rig_devices.connecting import Connecting
+from sim_devices.bench_devices.entry import SimulatedDevice
 
 Role = Literal["source_arm", "detector_arm", "sample_azimuth"]
 ROLES: tuple[Role, ...] = ("source_arm", "detector_arm", "sample_azimuth")
@@ -40,6 +41,10 @@ class DeviceEntry(Section, ABC):
     @abstractmethod
     def connect(self, name: str, bench: Connecting) -> None:
         """Connect the device and give `bench` what it drives; nothing moves."""
+
+    def unlike(self, simulated: SimulatedDevice) -> Iterator[SectionFault]:
+        """Where a simulated device of the same family is set up otherwise, and what it should be."""
+        return iter(())
 
 
 class AxisEntry(Section):

@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import Literal, Self
 
 from pydantic import Field, model_validator
 
-from acquisition.section import refuse_all
+from acquisition.section import SectionFault, refuse_all
 from drivers.axis import Axis
 from drivers.link import Link
 from drivers.newport_esp301 import NewportEsp301
 from goniometer.rig_devices.connecting import Connecting
 from goniometer.rig_devices.entry import AxesEntry, AxisEntry, Role
+from sim_devices.bench_devices.entry import SimulatedDevice
+from sim_devices.bench_devices.newport_esp301 import NewportEsp301Device
 
 
 class NewportEsp301Axis(AxisEntry):
@@ -59,3 +61,11 @@ class NewportEsp301Entry(AxesEntry):
             )
             stage.connect()
             bench.axes[role] = Axis(stage, bench.clock, axis.travel)
+
+    def unlike(self, simulated: SimulatedDevice) -> Iterator[SectionFault]:
+        """Whether the same axes turn the same arms."""
+        assert isinstance(simulated, NewportEsp301Device)
+        expected = {axis.axis: role for role, axis in self.axes.items()}
+        if simulated.axes != expected:
+            wanted = ", ".join(f"{number}: {role}" for number, role in sorted(expected.items()))
+            yield ("axes",), f"are others; allowed: {{{wanted}}}"

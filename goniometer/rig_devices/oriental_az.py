@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import math
+from collections.abc import Iterator, Mapping
 from typing import Literal
 
 from pydantic import Field
 
+from acquisition.section import SectionFault
 from drivers.oriental_az import OrientalAz
 from goniometer.rig_devices.connecting import Connecting
 from goniometer.rig_devices.entry import AxesEntry, AxisEntry, Role
+from sim_devices.bench_devices.entry import SimulatedDevice
+from sim_devices.bench_devices.oriental_az import OrientalAzDevice
 
 
 class OrientalAzAxis(AxisEntry):
@@ -56,3 +60,15 @@ class OrientalAzEntry(AxesEntry):
             )
             stage.connect()
             bench.axes[role] = stage
+
+    def unlike(self, simulated: SimulatedDevice) -> Iterator[SectionFault]:
+        """Whether the unit, the axis and its step are the same."""
+        assert isinstance(simulated, OrientalAzDevice)
+        if simulated.unit != self.unit:
+            yield ("unit",), f"got {simulated.unit}; allowed: {self.unit}"
+        if simulated.axis not in self.axes:
+            yield ("axis",), f"got {simulated.axis}; allowed: {', '.join(self.axes)}"
+        for axis in self.axes.values():
+            if not math.isclose(simulated.step_deg * axis.steps_per_deg, 1.0, rel_tol=1e-6):
+                step_deg = 1 / axis.steps_per_deg
+                yield ("step_deg",), f"got {simulated.step_deg:g}; allowed: {step_deg:g}, which is 1 / steps_per_deg"

@@ -13,6 +13,8 @@ from drivers.link import Link
 from drivers.thorlabs_fw102c import ThorlabsFw102c
 from goniometer.rig_devices.connecting import Connecting
 from goniometer.rig_devices.entry import AnalyzerEntry, Slot, angle_faults
+from sim_devices.bench_devices.entry import SimulatedDevice
+from sim_devices.bench_devices.thorlabs_fw102c import ThorlabsFw102cDevice
 
 WHEEL_SIZES = (6, 12)
 """Positions of the FW102C and of the FW212C."""
@@ -65,3 +67,9 @@ class ThorlabsFw102cEntry(AnalyzerEntry):
         )
         bench.opened(wheel).connect()
         bench.analyzers[name] = wheel
+
+    def unlike(self, simulated: SimulatedDevice) -> Iterator[SectionFault]:
+        """Whether the wheels are of one size."""
+        assert isinstance(simulated, ThorlabsFw102cDevice)
+        if len(simulated.slots) != len(self.slots):
+            yield ("slots",), f"hold {len(simulated.slots)} slots; allowed: {len(self.slots)}"

@@ -174,7 +174,7 @@ def test_decibels_and_attenuation(pm, ask, world):
     assert_allclose(float(ask(pm, b"MEAS?\n")), 10 * power_w)
     ask(pm, b"SENS:POW:UNIT DBM\n")
     assert_allclose(float(ask(pm, b"MEAS?\n")), 10 * math.log10(power_w / 1e-3) + 10)
-    world.wheel.turn(6, 1.0, slots=6, slot_s=0.5)
+    world.analyzer.wheel.turn(6, 1.0, slots=6, slot_s=0.5)
     assert float(ask(pm, b"MEAS?\n", 5.0)) == 9.91e37
 
 
@@ -188,7 +188,7 @@ def test_too_much_light_for_the_range_is_over_range(pm, ask, world):
 
 def test_the_zero_is_what_was_seen_in_the_dark(scene_with, ask):
     world = World(scene_with(effects=[{"effect": "dark_current", "power_w": 2e-9}]))
-    world.wheel.turn(6, 0.0, slots=6, slot_s=0.5)
+    world.analyzer.wheel.turn(6, 0.0, slots=6, slot_s=0.5)
     pm = ThorlabsPm100(world).session()
     ask(pm, b"SENS:CORR:COLL:ZERO\n", 10.0)
     assert ask(pm, b"SENS:CORR:COLL:ZERO:STAT?\n", 11.0) == b"1\n"

@@ -12,7 +12,8 @@ from model.acceptance import Acceptance, half_angle_rad
 from model.lobes import Diffuse, Directional, Specular
 from model.surface import Surface
 from sim_devices import effects
-from sim_devices.world import World, analyzer_row, remember_last
+from sim_devices.analyzer import analyzer_row
+from sim_devices.world import World, remember_last
 
 FAST = {"velocity_deg_s": 1e3, "acceleration_deg_s2": 1e4, "deceleration_deg_s2": 1e4}
 DARK = {"effect": "dark_current", "power_w": 2e-10}
@@ -25,7 +26,7 @@ def aimed(world, incidence_deg, exit_deg, slot):
     """Turn the bench to a geometry; it rests there at 100 s."""
     world.axes["source_arm"].move(incidence_deg, 0.0, **FAST)
     world.axes["detector_arm"].move(exit_deg, 0.0, **FAST)
-    world.wheel.turn(slot, 0.0, slots=6, slot_s=0.5)
+    world.analyzer.wheel.turn(slot, 0.0, slots=6, slot_s=0.5)
     return world
 
 
@@ -90,7 +91,7 @@ def test_below_the_horizon_it_is_dark(scene_with, incidence_deg, exit_deg):
 
 def test_no_light_passes_while_the_wheel_turns(scene_with):
     world = World(scene_with())
-    world.wheel.turn(2, 10.0, slots=6, slot_s=0.5)
+    world.analyzer.wheel.turn(2, 10.0, slots=6, slot_s=0.5)
     assert world.power_w(9.99) > 0
     assert world.power_w(10.25) == 0
     assert world.power_w(10.5) > 0
@@ -98,7 +99,7 @@ def test_no_light_passes_while_the_wheel_turns(scene_with):
 
 def test_a_reading_is_of_the_geometry_at_its_middle(scene_with):
     world = World(scene_with())
-    world.wheel.turn(2, 10.0, slots=6, slot_s=0.5)
+    world.analyzer.wheel.turn(2, 10.0, slots=6, slot_s=0.5)
     assert world.measure_w(10.3, 0.3) == 0
     assert world.measure_w(10.3, 0.5) > 0
     world.axes["detector_arm"].move(30, 20.0, velocity_deg_s=1, acceleration_deg_s2=1e3, deceleration_deg_s2=1e3)

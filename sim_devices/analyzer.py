@@ -1,0 +1,62 @@
+"""Analyzers of the simulated bench: what is in the beam at a time, as a row of a Mueller matrix."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Literal, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sim_devices.axis import Axis
+from sim_devices.wheel import Wheel
+
+Row = NDArray[np.float64]
+
+
+class Analyzer(Protocol):
+    """What stands before the detector."""
+
+    def row(self, time_s: float) -> Row | None:
+        """First row of its Mueller matrix; None while it lets no light through."""
+        ...
+
+
+class WheelAnalyzer:
+    """A wheel whose slots hold polarizers, nothing, or a lid.
+
+    Parameters
+    ----------
+    slots : mapping of int to float or str
+        A polarizer's angle from s in degrees, "open" or "blocked", by slot.
+    """
+
+    def __init__(self, slots: Mapping[int, float | Literal["open", "blocked"]]) -> None:
+        self.wheel = Wheel()
+        self._rows = {slot: analyzer_row(holds) for slot, holds in slots.items()}
+
+    def row(self, time_s: float) -> Row | None:
+        """The row of the slot in the beam; None while the wheel turns."""
+        return self._rows.get(self.wheel.slot(time_s) or 0)
+
+
+class RotatingPolarizer:
+    """A polarizer on a rotator; at 0 deg of the axis it passes s."""
+
+    def __init__(self, axis: Axis) -> None:
+        self.axis = axis
+
+    def row(self, time_s: float) -> Row | None:
+        """The row of the polarizer where it is."""
+        return analyzer_row(self.axis.position_deg(time_s))
+
+
+def analyzer_row(slot: float | Literal["open", "blocked"]) -> Row | None:
+    """First row of the Mueller matrix of a slot: open, a polarizer (angle in degrees), or None for a lid."""
+    if slot == "blocked":
+        return None
+    if slot == "open":
+        return np.array([1.0, 0.0, 0.0, 0.0])
+    twice_rad = 2 * math.radians(slot)
+    return 0.5 * np.array([1.0, math.cos(twice_rad), math.sin(twice_rad), 0.0])
