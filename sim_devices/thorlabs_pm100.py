@@ -10,10 +10,10 @@ import numpy as np
 
 from sim_devices import scpi
 from sim_devices.device import Replies
+from sim_devices.light import Light
 from sim_devices.effects import SAMPLE_S
 from sim_devices.lines import LineSplitter
 from sim_devices.timeline import Timeline
-from sim_devices.world import World
 
 _LATENCY_S = 0.002
 _ZERO_S = 2.001
@@ -45,14 +45,14 @@ class _Reading(NamedTuple):
 
 
 class ThorlabsPm100:
-    """A power meter that looks at the detector of `world`.
+    """A power meter that looks at a light.
 
     A reading takes 3 ms times the averaging count. Commands are run one after the other; a query for a reading that is
     not finished is answered, and lets the commands behind it run, when it is.
     """
 
-    def __init__(self, world: World) -> None:
-        self._world = world
+    def __init__(self, light: Light) -> None:
+        self._light = light
         self._errors = scpi.ErrorQueue()
         self._events = _POWER_ON
         self._free_s = 0.0
@@ -147,9 +147,9 @@ class ThorlabsPm100:
 
     def _measure_w(self, now_s: float, exposure_s: float) -> float:
         upper_w = _RANGES_W[-1] if self._range_w is None else self._range_w
-        if self._world.power_w(now_s + exposure_s / 2) > upper_w:
+        if self._light.power_w(now_s + exposure_s / 2) > upper_w:
             return _OVER_RANGE
-        return self._world.measure_w(now_s, exposure_s)
+        return self._light.measure_w(now_s, exposure_s)
 
     def _start_reading(self, now_s: float) -> _Reading:
         exposure_s = self._average * SAMPLE_S
@@ -207,7 +207,7 @@ class ThorlabsPm100:
     def _tell_range(self, arguments: list[str], now_s: float) -> str:
         range_w = self._range_w
         if range_w is None:
-            power_w = min(self._world.power_w(now_s), _RANGES_W[-1])
+            power_w = min(self._light.power_w(now_s), _RANGES_W[-1])
             range_w = next(range_w for range_w in _RANGES_W if range_w >= power_w)
         return _tell(arguments, range_w, _RANGES_W[0], _RANGES_W[-1])
 
