@@ -10,8 +10,8 @@ import numpy as np
 
 from sim_devices import scpi
 from sim_devices.device import Replies
-from sim_devices.light import Light
 from sim_devices.effects import SAMPLE_S
+from sim_devices.light import Light
 from sim_devices.lines import LineSplitter
 from sim_devices.timeline import Timeline
 

@@ -60,7 +60,7 @@ def test_an_index_stands_in_for_a_material(scene_with):
         (("devices", "analyzer", "slots"), {1: "open", 2: 0}, "here are 1, 2"),
         (("devices", "analyzer", "slots", 2), "ajar", "open"),
         (("devices", "analyzer", "slots", 2), 200, "less than or equal to 180"),
-        (("devices", "second"), {"type": "thorlabs_pm100", "acceptance_sr": 1e-3}, "exactly one thorlabs_pm100"),
+        (("devices", "second"), {"type": "thorlabs_pm100", "acceptance_sr": 1e-3}, "exactly one detector"),
         (("effects",), [{"effect": "lightning"}], "lightning"),
         (("effects",), [{"effect": "shot_noise"}, {"effect": "shot_noise"}], "given 2 times"),
         (("effects",), [{"effect": "dark_current"}], "Field required"),
