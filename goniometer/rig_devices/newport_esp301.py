@@ -67,5 +67,8 @@ class NewportEsp301Entry(AxesEntry):
         assert isinstance(simulated, NewportEsp301Device)
         expected = {axis.axis: role for role, axis in self.axes.items()}
         if simulated.axes != expected:
-            wanted = ", ".join(f"{number}: {role}" for number, role in sorted(expected.items()))
-            yield ("axes",), f"are others; allowed: {{{wanted}}}"
+            yield ("axes",), f"got {_in_words(simulated.axes)}; allowed: {_in_words(expected)}"
+
+
+def _in_words(axes: Mapping[int, Role]) -> str:
+    return f"{{{', '.join(f'{number}: {role}' for number, role in sorted(axes.items()))}}}"

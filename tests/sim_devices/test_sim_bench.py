@@ -8,7 +8,6 @@ import pytest
 from numpy.testing import assert_allclose
 
 from goniometer.errors import DeviceFaultError
-from sim_devices import bench as bench_module
 from sim_devices.bench import Address, Bench
 from sim_devices.clock import ScaledClock, VirtualClock
 from sim_devices.modbus_rtu import crc16
@@ -189,9 +188,9 @@ class _Broken:
 
 
 @pytest.mark.parametrize("clock", [ScaledClock(1000), VirtualClock()], ids=["scaled", "virtual"])
-def test_an_error_in_the_bench_is_not_lost(scene_with, connect, monkeypatch, clock):
-    monkeypatch.setattr(bench_module, "ThorlabsPm100", lambda world: _Broken())
+def test_an_error_in_the_bench_is_not_lost(scene_with, connect, clock):
     bench = Bench(scene_with(), clock)
+    bench.world.devices["meter"] = _Broken()
     bench.start()
     client = connect(bench.addresses["meter"])
     client.sendall(b"*IDN?\n")
