@@ -12,34 +12,24 @@ import numpy as np
 from acquisition.fit_points import dataset
 from acquisition.readings import StokesPoint
 from acquisition.whole_file import written_whole
+from goniometer.fitted_curve import FittedCurve
 from goniometer.fitting.remarks import remarks
 from goniometer.fitting.summary import ParameterRow, parameter_rows, quality
+from goniometer.plot_style import DPI, FAINT, RULE, STYLE
 from goniometer.report_panels import DATA_COLOUR, FIT_COLOUR, draw_quantity, draw_residuals, quantities
 from model.fit import Dataset, FitResult
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-_DPI = 150
 _WIDTH_IN, _HEAD_IN, _PANELS_IN, _X_LABEL_IN = 13.0, 1.15, 5.2, 0.7
 _ROW_IN, _SMALL_ROW_IN, _FOOT_MARGIN_IN = 0.27, 0.155, 0.3
 _LEFT, _RIGHT = 0.045, 0.985
 _TEXT_LEFT, _TEXT_COLUMNS, _QUALITY_COLUMNS = 0.535, 96, 92
 _COLUMNS = {"name": 0.0, "meaning": 0.04, "value": 0.225, "error": 0.235, "truth": 0.365, "off": 0.43}
 """Left edges of the parameter table's columns in parts of the width; value, truth and off end there."""
-_INK, _FAINT, _RULE = "#222222", "#6f6f6f", "#9a9a9a"
 _STYLE: dict[Any, Any] = {
-    "font.size": 9.5,
-    "text.color": _INK,
-    "axes.labelcolor": _INK,
-    "axes.edgecolor": _RULE,
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "axes.axisbelow": True,
-    "xtick.color": _INK,
-    "ytick.color": _INK,
-    "grid.color": "#e4e4e4",
-    "grid.linewidth": 0.7,
+    **STYLE,
     "legend.frameon": False,
     "axes.formatter.min_exponent": 3,
     "axes.formatter.limits": (-3, 5),
@@ -48,7 +38,7 @@ _SYMBOLS = {
     "sigma": ("$\\sigma$", "roughness, rms slope"),
     "n": ("$n$", "refractive index"),
     "k": ("$k$", "extinction coefficient"),
-    "asymmetry": ("$a$", "asymmetry of the grooves"),
+    "asymmetry": ("$a$", "asymmetry of grooves"),
     "rho_s": ("$\\rho_\\mathrm{s}$", "weight, specular"),
     "rho_d": ("$\\rho_\\mathrm{d}$", "weight, diffuse"),
     "rho_dd": ("$\\rho_\\mathrm{dd}$", "weight, directional"),
@@ -66,6 +56,7 @@ def draw_report(
     title: str,
     points: Sequence[StokesPoint],
     fit: FitResult | None,
+    curve: FittedCurve | None,
     truth: Mapping[str, float],
 ) -> None:
     """Draw S0, DoLP and AoLP against the exit angle with the fit, its residuals and its parameters, as a PNG file.
@@ -82,6 +73,8 @@ def draw_report(
         At least one; all at one incidence and one azimuth.
     fit : FitResult or None
         The fit of these points; without it there are no lines, residuals and parameters.
+    curve : FittedCurve or None
+        The same fit between the points; None without one.
     truth : mapping of str to float
         The simulated sample's own parameters; empty for a real sample.
 
@@ -103,12 +96,12 @@ def draw_report(
         figure = Figure(figsize=(_WIDTH_IN, _HEAD_IN + _PANELS_IN + foot_in))
         FigureCanvasAgg(figure)
         _draw_head(figure, title, points, fit)
-        _draw_panels(figure, points, fit, foot_in)
+        _draw_panels(figure, points, fit, curve, foot_in)
         if fit is not None:
             _draw_table(figure, parameter_rows(fit, truth), foot_in)
             _draw_text(figure, _LEFT, foot_in - _ROW_IN * (len(fit.parameters) + 1.4), verdict)
             _draw_text(figure, _TEXT_LEFT, foot_in, description)
-        figure.savefig(part, format="png", dpi=_DPI)
+        figure.savefig(part, format="png", dpi=DPI)
 
 
 def _draw_head(figure: Figure, title: str, points: Sequence[StokesPoint], fit: FitResult | None) -> None:
@@ -119,11 +112,11 @@ def _draw_head(figure: Figure, title: str, points: Sequence[StokesPoint], fit: F
     azimuth_deg = np.mean([point.azimuth_deg for point in points])
     details = (
         f"incidence {incidence_deg:z.2f}°     sample azimuth {azimuth_deg:z.2f}°     "
-        f"{len(points)} direction{'s' * (len(points) != 1)}     "
+        f"{len(points)} point{'s' * (len(points) != 1)}     "
         "polarization: degree without the bias of noise, angle from the s-direction"
     )
     figure.text(_LEFT, 1.0 - 0.38 / height_in, title, size=16, weight="bold", va="center", parse_math=False)
-    figure.text(_LEFT, 1.0 - 0.70 / height_in, details, color=_FAINT, va="center")
+    figure.text(_LEFT, 1.0 - 0.70 / height_in, details, color=FAINT, va="center")
     key = [Line2D([], [], color=DATA_COLOUR, marker="o", ls="", ms=4, label="measured ± standard error")]
     if fit is not None:
         key.append(Line2D([], [], color=FIT_COLOUR, label="fit"))
@@ -131,7 +124,9 @@ def _draw_head(figure: Figure, title: str, points: Sequence[StokesPoint], fit: F
     figure.legend(handles=key, loc="center right", bbox_to_anchor=at, ncols=2, borderaxespad=0.0, borderpad=0.0)
 
 
-def _draw_panels(figure: Figure, points: Sequence[StokesPoint], fit: FitResult | None, foot_in: float) -> None:
+def _draw_panels(
+    figure: Figure, points: Sequence[StokesPoint], fit: FitResult | None, curve: FittedCurve | None, foot_in: float
+) -> None:
     height_in = figure.get_figheight()
     grid = figure.add_gridspec(
         2,
@@ -144,13 +139,13 @@ def _draw_panels(figure: Figure, points: Sequence[StokesPoint], fit: FitResult |
         wspace=0.15,
         hspace=0.16,
     )
-    for column, quantity in enumerate(quantities(points, fit)):
+    for column, quantity in enumerate(quantities(points, fit, curve)):
         lowest = axes = figure.add_subplot(grid[:, column] if fit is None else grid[0, column])
         draw_quantity(axes, quantity)
         if fit is not None:
             lowest = figure.add_subplot(grid[1, column], sharex=axes)
             draw_residuals(lowest, quantity)
-            lowest.set_title("residual in standard errors", loc="left", size="small", color=_FAINT, pad=3.0)
+            lowest.set_title("residual in standard errors", loc="left", size="small", color=FAINT, pad=3.0)
             axes.tick_params(labelbottom=False)
         lowest.set_xlabel("exit angle (°)")
 
@@ -168,18 +163,18 @@ def _draw_table(figure: Figure, rows: Sequence[ParameterRow], foot_in: float) ->
     def rule(line: float, width: float) -> None:
         y = (foot_in - _ROW_IN * line) / height_in
         right = _LEFT + (_COLUMNS["off"] if has_truth else _COLUMNS["truth"])
-        figure.add_artist(Line2D([_LEFT, right], [y, y], color=_RULE, linewidth=width))
+        figure.add_artist(Line2D([_LEFT, right], [y, y], color=RULE, linewidth=width))
 
-    write(0, "name", "parameter", color=_FAINT)
-    write(0, "value", "value", "right", color=_FAINT)
-    write(0, "error", "± error", color=_FAINT)
+    write(0, "name", "parameter", color=FAINT)
+    write(0, "value", "value", "right", color=FAINT)
+    write(0, "error", "± error", color=FAINT)
     if has_truth:
-        write(0, "truth", "truth", "right", color=_FAINT)
-        write(0, "off", "off, in ±", "right", color=_FAINT)
+        write(0, "truth", "truth", "right", color=FAINT)
+        write(0, "off", "off, in ±", "right", color=FAINT)
     for line, row in enumerate(rows, start=1):
         symbol, meaning = _SYMBOLS.get(row.name, (row.name, ""))
         write(line, "name", symbol)
-        write(line, "meaning", meaning, color=_FAINT)
+        write(line, "meaning", meaning, color=FAINT)
         write(line, "value", row.value, "right", weight="bold")
         write(line, "error", f"± {row.error}" if row.error else row.note)
         if has_truth:

@@ -11,18 +11,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from acquisition.readings import StokesPoint
+from goniometer.fitted_curve import FittedCurve
+from goniometer.plot_style import BAND, COLOURS, FAINT
 from model.fit import FitResult
 from model.geometry import FloatArray
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-# Okabe and Ito's palette, told apart with any colour vision
-DATA_COLOUR, FIT_COLOUR = "#0072B2", "#D55E00"
-_BAND_COLOUR = "#e9e9e9"
-_NOTE_COLOUR = "#6f6f6f"
-_FEW, _MANY = 25, 150
-"""Numbers of points up to which the fit shows where it was evaluated, and above which points are small and faint."""
+DATA_COLOUR, FIT_COLOUR = COLOURS[:2]
+_MANY = 150
+"""Number of points above which they are small and faint."""
 _LEAST_RESIDUAL_REACH = 3.5
 _LEAST_ANGLE_SPAN_DEG = 10.0
 _VAGUEST_DEG = 20.0
@@ -32,8 +31,9 @@ _VAGUEST_DEG = 20.0
 class Quantity:
     """One measured quantity in the order of the exit angle, and the fit's values where there is a fit.
 
-    All arrays have the shape (N,). Values below `floor` or above `ceiling` are only marked at the edge; a floor goes
-    with a logarithmic axis. Values with a standard error above `vaguest` are left out. `period` is that of an angle.
+    Arrays have the shape (N,), but for the fit's curve: exit angles in degrees and values, (K,) each. Values below
+    `floor` or above `ceiling` are only marked at the edge; a floor goes with a logarithmic axis. Values with a standard
+    error above `vaguest` are left out. `period` is that of an angle.
     """
 
     title: str
@@ -41,6 +41,7 @@ class Quantity:
     measured: FloatArray
     stderr: FloatArray
     fitted: FloatArray | None
+    curve: tuple[FloatArray, FloatArray] | None = None
     floor: float | None = None
     ceiling: float | None = None
     vaguest: float | None = None
@@ -61,7 +62,9 @@ class Quantity:
         return difference / self.stderr
 
 
-def quantities(points: Sequence[StokesPoint], fit: FitResult | None) -> list[Quantity]:
+def quantities(
+    points: Sequence[StokesPoint], fit: FitResult | None = None, curve: FittedCurve | None = None
+) -> list[Quantity]:
     """S0, DoLP and AoLP of a scan, the last two from the fitted Stokes parameters where there is a fit."""
     order = np.argsort([point.exit_deg for point in points], kind="stable")
 
@@ -75,19 +78,23 @@ def quantities(points: Sequence[StokesPoint], fit: FitResult | None) -> list[Qua
     dolp_stderr = column(point.dolp_stderr for point in points)
     aolp_deg = column(point.aolp_deg for point in points)
     aolp_stderr_deg = column(point.aolp_stderr_deg for point in points)
-    s0_fit, dolp_fit, aolp_fit = None, None, None
-    if fit is not None:
-        s0_fit, s1, s2 = fit.stokes[order].T
-        dolp_fit, aolp_fit = np.hypot(s1, s2) / s0_fit, np.degrees(0.5 * np.arctan2(s2, s1))
+    fits = [None] * 3 if fit is None else _of_stokes(fit.stokes[order])
+    curves = [None] * 3 if curve is None else [(curve.exit_deg, line) for line in _of_stokes(curve.stokes)]
     return [
-        Quantity("$S_0$ (1/sr)", exit_deg, s0, s0_stderr, s0_fit, floor=_noise_floor(s0, s0_stderr)),
-        Quantity("degree of linear polarization", exit_deg, dolp, dolp_stderr, dolp_fit, ceiling=1.0),
+        Quantity("$S_0$ (1/sr)", exit_deg, s0, s0_stderr, fits[0], curves[0], floor=_noise_floor(s0, s0_stderr)),
+        Quantity("degree of linear polarization", exit_deg, dolp, dolp_stderr, fits[1], curves[1], ceiling=1.0),
         Quantity(
-            *("angle of linear polarization (°)", exit_deg, aolp_deg, aolp_stderr_deg, aolp_fit),
+            *("angle of linear polarization (°)", exit_deg, aolp_deg, aolp_stderr_deg, fits[2], curves[2]),
             vaguest=_VAGUEST_DEG,
             period=180.0,
         ),
     ]
+
+
+def _of_stokes(stokes: FloatArray) -> list[FloatArray]:
+    """S0, DoLP and AoLP in degrees, (N,) each."""
+    s0, s1, s2 = stokes.T
+    return [s0, np.hypot(s1, s2) / s0, np.degrees(0.5 * np.arctan2(s2, s1))]
 
 
 def draw_quantity(axes: Axes, quantity: Quantity) -> None:
@@ -100,10 +107,10 @@ def draw_quantity(axes: Axes, quantity: Quantity) -> None:
         shown = _at_edge(axes, quantity, shown > quantity.ceiling, quantity.ceiling, "^", "△ {} above 1")
     if quantity.vaguest is not None:
         shown = _left_out(axes, shown, quantity.stderr > quantity.vaguest, "{} undetermined, not shown")
-    if quantity.fitted is not None:
-        line, count = _broken_at_wraps(quantity.fitted, quantity.period), len(quantity.fitted)
-        style, above = "-s" if count <= _FEW else "-", 3 if count > _MANY else 1
-        axes.plot(quantity.exit_deg, line, style, color=FIT_COLOUR, lw=1.4, ms=7, mfc="none", zorder=above)
+    if quantity.curve is not None:
+        at_deg, line = quantity.curve
+        above = 3 if len(quantity.exit_deg) > _MANY else 1
+        axes.plot(at_deg, _broken_at_wraps(line, quantity.period), color=FIT_COLOUR, lw=1.4, zorder=above)
     _draw_points(axes, quantity.exit_deg, shown, quantity.stderr)
     axes.set_title(quantity.title, loc="left", size="medium")
     axes.set_ylim(*_limits(quantity, shown))
@@ -115,7 +122,7 @@ def draw_quantity(axes: Axes, quantity: Quantity) -> None:
 def draw_residuals(axes: Axes, quantity: Quantity) -> None:
     """Draw what the fit leaves, in standard errors, over a band of one standard error."""
     residuals = quantity.residuals()
-    axes.axhspan(-1.0, 1.0, color=_BAND_COLOUR, lw=0.0)
+    axes.axhspan(-1.0, 1.0, color=BAND, lw=0.0)
     axes.axhline(0.0, color=FIT_COLOUR, lw=1.2)
     _draw_points(axes, quantity.exit_deg, residuals, None)
     reach = 1.15 * float(np.nanmax(np.abs(residuals), initial=_LEAST_RESIDUAL_REACH / 1.15))
@@ -143,7 +150,7 @@ def _at_edge(
 def _left_out(axes: Axes, values: FloatArray, lost: NDArray[np.bool_], note: str) -> FloatArray:
     """Take values out of the picture, and say how many."""
     if lost.any():
-        axes.set_title(note.format(np.count_nonzero(lost)), loc="right", size="small", color=_NOTE_COLOUR)
+        axes.set_title(note.format(np.count_nonzero(lost)), loc="right", size="small", color=FAINT)
     return np.where(lost, np.nan, values)
 
 
@@ -155,7 +162,9 @@ def _noise_floor(measured: FloatArray, stderr: FloatArray) -> float | None:
 
 def _limits(quantity: Quantity, shown: FloatArray) -> tuple[float, float]:
     """Limits by the values: error bars may run out of the picture, values may not."""
-    values = shown if quantity.fitted is None else np.concatenate([shown, quantity.fitted])
+    # An angle turns anywhere where hardly anything is polarized: there its curve may leave the picture.
+    line = quantity.fitted if quantity.period is not None or quantity.curve is None else quantity.curve[1]
+    values = shown if line is None else np.concatenate([shown, line])
     values = values[np.isfinite(values)]
     low, high = (float(values.min()), float(values.max())) if values.size else (0.0, 1.0)
     if quantity.floor is not None:

@@ -19,11 +19,12 @@ from acquisition.recipe import Recipe
 from acquisition.stokes_csv import write_stokes_csv
 from acquisition.whole_file import written_whole
 from goniometer.errors import FitError, JournalError, ReductionError
+from goniometer.fitted_curve import fitted_curve
 from goniometer.fitting.as_json import fit_json
 from goniometer.planning import reduction
 from goniometer.report import draw_report
 from goniometer.rig_file import Rig
-from model.fit import FitResult, fit
+from model.fit import FitResult, SurfaceFamily, fit
 from sim_devices.scene import Scene
 
 _LONGEST_NAME = 60
@@ -121,20 +122,12 @@ def load(folder: str | Path) -> StoredRun:
     Parameters
     ----------
     folder : str or Path
-        The run's folder, of a finished scan or of one that was cut short.
-
-    Raises
-    ------
-    JournalError
-        When there is no readable journal.
-    ReductionError
-        When the readings cannot be reduced, or no direction was finished.
+        As for `measured`, which says what may go wrong.
     """
     run = measured(folder)
     choice, result, refusal = run.recipe.fit, None, ""
     try:
-        family = surface_family(choice, run.rig.calibration.acceptance_sr)
-        result = fit(dataset(run.points, run.folder.name), family, **fit_arguments(choice))
+        result = fit(dataset(run.points, run.folder.name), _family(run), **fit_arguments(choice))
     except FitError as error:
         refusal = str(error)
     return StoredRun(**vars(run), fit=result, refusal=refusal, truth=scene_truth(run.about["scene"]))
@@ -156,8 +149,13 @@ def write_results(run: StoredRun) -> list[Path]:
     )
     with written_whole(fit_json_path) as part:
         part.write_text(_fit_json(run), encoding="utf-8")
-    draw_report(report, title=run.recipe.recipe, points=run.points, fit=run.fit, truth=run.truth)
+    curve = None if run.fit is None else fitted_curve(run.points, _family(run), run.fit)
+    draw_report(report, title=run.recipe.recipe, points=run.points, fit=run.fit, curve=curve, truth=run.truth)
     return [csv, nexus, fit_json_path, report]
+
+
+def _family(run: MeasuredRun) -> SurfaceFamily:
+    return surface_family(run.recipe.fit, run.rig.calibration.acceptance_sr)
 
 
 def _fit_json(run: StoredRun) -> str:

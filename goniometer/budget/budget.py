@@ -71,10 +71,12 @@ def budget(recipe: Recipe, rig: Rig, sample: AssumedSample, wanted: str | None =
     return Budget(forecast(recipe, rig, sample), tuple(kept))
 
 
-def _for_its_time(expected: Forecast, wanted: str | None) -> float:
-    """Mean logarithm of variance times bench time, which more of the same readings would not change."""
-    stderrs = expected.final.values() if wanted is None else [expected.final[wanted]]
+def _for_its_time(expected: Forecast, wanted: str | None) -> tuple[int, float]:
+    """How many are not determined; of the others the mean logarithm of variance times bench time.
+
+    The second would not change with more of the same readings.
+    """
+    stderrs = list(expected.final.values()) if wanted is None else [expected.final[wanted]]
     finite = [stderr for stderr in stderrs if math.isfinite(stderr)]
-    if not finite:
-        return math.inf
-    return sum(math.log(stderr**2) for stderr in finite) / len(finite) + math.log(expected.duration_s)
+    mean = sum(math.log(stderr**2) for stderr in finite) / max(len(finite), 1)
+    return len(stderrs) - len(finite), mean + math.log(expected.duration_s)

@@ -16,7 +16,12 @@ from goniometer.errors import ConfigurationError
 from goniometer.planning import detection, plan
 from goniometer.rig_file import Rig
 from model.design.information import information, prior_information, standard_errors
+from model.fit import SurfaceFamily
 from model.geometry import FloatArray
+
+_ROUNDING = 1e-6
+"""All readings together do not change with a parameter that changes them by so few standard deviations from one bound
+to the other."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,15 +35,19 @@ class Forecast:
     ends_s : ndarray
         Shape (N,): bench time at which each direction is done.
     stderr : ndarray
-        Shape (N, P): standard errors then, infinite where the readings so far do not determine a parameter.
+        Shape (N, P): standard errors then, infinite where the readings so far do not determine a parameter: they do
+        not change with it, or so little that its error is larger than the whole range that the fit searches.
     readings : int
         Of the whole scan.
+    blind : tuple of str
+        Parameters of which the whole scan tells nothing, however often it reads.
     """
 
     names: tuple[str, ...]
     ends_s: FloatArray
     stderr: FloatArray
     readings: int
+    blind: tuple[str, ...] = ()
 
     @property
     def duration_s(self) -> float:
@@ -69,15 +78,19 @@ def forecast(recipe: Recipe, rig: Rig, sample: AssumedSample) -> Forecast:
     steps = plan(recipe, rig)
     family = surface_family(recipe.fit, rig.calibration.acceptance_sr)
     told = np.cumsum(told_by_points(recipe, rig, sample.values, sample.dark_w), axis=0) + prior_information(family)
+    names = tuple(map(shown, family.names))
     units = np.array([in_shown_unit(name) for name in family.names])
+    stderr = np.array([standard_errors(so_far) for so_far in told])
+    blind = tuple(name for name, error in zip(names, stderr[-1], strict=True) if np.isinf(error))
     ends_s = dict(
         zip((step.point for step in steps), itertools.accumulate(step.duration_s for step in steps), strict=True)
     )
     return Forecast(
-        names=tuple(map(shown, family.names)),
+        names=names,
         ends_s=np.array(list(ends_s.values())),
-        stderr=np.array([standard_errors(so_far) for so_far in told]) * units,
+        stderr=np.where(stderr > _widths(family), np.inf, stderr) * units,
         readings=sum(step.readings for step in steps),
+        blind=blind,
     )
 
 
@@ -94,4 +107,17 @@ def told_by_points(recipe: Recipe, rig: Rig, values: Mapping[str, float], dark_w
     points = expected_points(plan(recipe, rig), light_of(family.seen(values)), detection(recipe, rig, dark_w))
     data = dataset(points).compared_by(recipe.fit.objective)
     assert data.covariance is not None, "points have covariances, and every objective but rms keeps them"
-    return information(family, data.directions, data.covariance, values, data.observable)
+    told = information(family, data.directions, data.covariance, values, data.observable)
+    return _without_rounding(told, family)
+
+
+def _without_rounding(told: FloatArray, family: SurfaceFamily) -> FloatArray:
+    """Nothing is told of a parameter without a slope, such as k of a dielectric, where derivatives are of rounding."""
+    widths = _widths(family)
+    effects = np.sqrt(np.einsum("npp->p", told)) * np.where(np.isfinite(widths), widths, np.inf)
+    seen = ~(effects < _ROUNDING)
+    return told * np.outer(seen, seen)
+
+
+def _widths(family: SurfaceFamily) -> FloatArray:
+    return np.array([high - low for low, high in (family.free[name] for name in family.names)])

@@ -12,37 +12,21 @@ import numpy as np
 
 from goniometer.budget.budget import Budget
 from goniometer.budget.forecast import Forecast
+from goniometer.budget.text import NOT_DETERMINED
+from goniometer.curve_names import CurveName, name_curves
 from goniometer.durations import clock_text
 from goniometer.errors import ConfigurationError
+from goniometer.plot_style import COLOURS, DASHES, DPI, FAINT, INK, STYLE
 from model.geometry import FloatArray
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-_DPI = 150
-_INK, _FAINT, _RULE = "#222222", "#6f6f6f", "#9a9a9a"
-# Okabe and Ito's palette, told apart with any colour vision
-_COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#8C6BB1")
-_STYLE: dict[Any, Any] = {
-    "font.size": 9.5,
-    "text.color": _INK,
-    "axes.labelcolor": _INK,
-    "axes.edgecolor": _RULE,
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "axes.axisbelow": True,
-    "xtick.color": _INK,
-    "ytick.color": _INK,
-    "grid.color": "#e4e4e4",
-    "grid.linewidth": 0.7,
-}
 _DESIGN = "#B00020"
 _THIN, _MEDIUM, _THICK = 1.2, 1.6, 2.4
 _LEFT = 0.06
 _DECADES_ABOVE = 3.0
 """How far above its end a curve is shown: what a handful of directions leave open is of no interest."""
-_LABEL_GAP = 0.052
-_ROUNDS = 500
 _TICKS_S = (1, 2, 5, 10, 20, 30, 60, 120, 180, 300, 600, 1200, 1800, 3600, 7200, 14400, 36000, 86400)
 
 
@@ -52,6 +36,7 @@ class _Curve:
     ends_s: FloatArray
     stderr: FloatArray
     colour: str
+    dashes: Any = "-"
     width: float = _MEDIUM
 
 
@@ -83,94 +68,64 @@ def draw_budget(
     from matplotlib.figure import Figure
 
     now = found.now
-    with mpl.rc_context(_STYLE):
+    with mpl.rc_context(STYLE):
         figure = Figure(figsize=(13.0, 5.6))
         FigureCanvasAgg(figure)
         left, right = figure.subplots(
             1, 2, gridspec_kw={"left": _LEFT, "right": 0.8, "wspace": 0.55, "top": 0.8, "bottom": 0.11}
         )
         figure.text(_LEFT, 0.95, title, size=16, weight="bold", va="center", parse_math=False)
-        figure.text(_LEFT, 0.895, f"assumed: {assumed}", color=_FAINT, va="center", parse_math=False)
+        figure.text(_LEFT, 0.895, f"assumed: {assumed}", color=FAINT, va="center", parse_math=False)
         place = now.names.index(wanted) if wanted else 0
         _draw(left, "Every parameter, with the recipe as it is", list(_parameters(now)))
         _draw(right, f"{now.names[place]} with the recipe changed", list(_changes(found, place, design)))
         left.set_ylabel("standard error")
         try:
-            figure.savefig(path, format="png", dpi=_DPI)
+            figure.savefig(path, format="png", dpi=DPI)
         except OSError as error:
             raise ConfigurationError([f"{path} cannot be written: {error.strerror}. Choose another name."]) from error
 
 
 def _parameters(now: Forecast) -> Iterator[_Curve]:
-    for place, (name, colour) in enumerate(zip(now.names, itertools.cycle(_COLOURS), strict=False)):
-        yield _Curve(name, now.ends_s, now.stderr[:, place], colour)
+    looks = zip(itertools.cycle(COLOURS), itertools.cycle(DASHES), strict=False)
+    for place, (name, look) in enumerate(zip(now.names, looks, strict=False)):
+        yield _Curve(name, now.ends_s, now.stderr[:, place], *look)
 
 
 def _changes(found: Budget, place: int, design: Forecast | None) -> Iterator[_Curve]:
-    for outcome, colour in zip(found.outcomes, itertools.cycle(_COLOURS), strict=False):
-        yield _Curve(outcome.words, outcome.forecast.ends_s, outcome.forecast.stderr[:, place], colour, _THIN)
-    yield _Curve("as the recipe is", found.now.ends_s, found.now.stderr[:, place], _INK, _THICK)
+    looks = zip(itertools.cycle(COLOURS), itertools.cycle(DASHES), strict=False)
+    for outcome, look in zip(found.outcomes, looks, strict=False):
+        yield _Curve(outcome.words, outcome.forecast.ends_s, outcome.forecast.stderr[:, place], *look, _THIN)
+    yield _Curve("as the recipe is", found.now.ends_s, found.now.stderr[:, place], INK, width=_THICK)
     if design is not None:
-        yield _Curve("the design", design.ends_s, design.stderr[:, place], _DESIGN, _THICK)
+        yield _Curve("the design", design.ends_s, design.stderr[:, place], _DESIGN, width=_THICK)
 
 
 def _draw(axes: Axes, title: str, curves: Sequence[_Curve]) -> None:
     from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
 
     axes.set_title(title, loc="left", size=10.5, weight="bold", pad=10)
-    axes.set(xscale="log", yscale="log", xlabel="bench time, min:s")
-    axes.grid(True, which="major")
     shown = [curve for curve in curves if np.isfinite(curve.stderr[-1])]
     if not shown:
-        axes.text(0.5, 0.5, "not determined", transform=axes.transAxes, ha="center", color=_FAINT)
+        axes.text(0.5, 0.5, NOT_DETERMINED, transform=axes.transAxes, ha="center", color=FAINT)
+        axes.set_axis_off()
         return
+    axes.set(xscale="log", yscale="log", xlabel="bench time, min:s")
+    axes.grid(True, which="major")
     for curve in shown:
         seen = curve.stderr <= curve.stderr[-1] * 10.0**_DECADES_ABOVE
-        axes.plot(curve.ends_s[seen], curve.stderr[seen], color=curve.colour, lw=curve.width, solid_capstyle="round")
+        axes.plot(curve.ends_s[seen], curve.stderr[seen], ls=curve.dashes, color=curve.colour, lw=curve.width)
         axes.plot(curve.ends_s[-1], curve.stderr[-1], "o", color=curve.colour, ms=4 + curve.width)
     low, high = axes.get_xlim()
     axes.xaxis.set_major_locator(FixedLocator([tick for tick in _TICKS_S if low <= tick <= high]))
     axes.xaxis.set_minor_locator(NullLocator())
     axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: clock_text(value)))
-    _label(axes, shown)
+    name_curves(axes, [_name(curve) for curve in curves])
 
 
-def _label(axes: Axes, curves: Sequence[_Curve]) -> None:
-    """Name each curve beside the panel, at the height of its end but clear of the others."""
-    ends = axes.transAxes.inverted().transform(
-        axes.transData.transform([(curve.ends_s[-1], curve.stderr[-1]) for curve in curves])
-    )
-    heights = _apart(ends[:, 1])
-    for curve, end, height in zip(curves, ends, heights, strict=True):
-        axes.annotate(
-            f"{curve.label}   {curve.stderr[-1]:.2g}",
-            xy=end,
-            xytext=(1.04, height),
-            xycoords=axes.transAxes,
-            textcoords=axes.transAxes,
-            va="center",
-            color=curve.colour,
-            weight="bold" if curve.width == _THICK else "normal",
-            parse_math=False,
-            arrowprops={
-                "arrowstyle": "-",
-                "color": curve.colour,
-                "lw": 0.6,
-                "alpha": 0.5,
-                "shrinkA": 2,
-                "shrinkB": 4,
-                "relpos": (0.0, 0.5),
-            },
-        )
-
-
-def _apart(heights: FloatArray) -> FloatArray:
-    """Heights moved as little as leaves a gap between any two, in their order, and all within the panel."""
-    order = np.argsort(heights)
-    placed = heights[order]
-    for _ in range(_ROUNDS):
-        overlaps = np.maximum(_LABEL_GAP - np.diff(placed), 0.0) / 2.0
-        placed[:-1] -= overlaps
-        placed[1:] += overlaps
-        placed = np.clip(placed, 0.0, 1.0)
-    return placed[np.argsort(order)]
+def _name(curve: _Curve) -> CurveName:
+    last = float(curve.stderr[-1])
+    if not np.isfinite(last):
+        return CurveName(f"{curve.label}   {NOT_DETERMINED}", None, FAINT)
+    end = (float(curve.ends_s[-1]), last)
+    return CurveName(f"{curve.label}   {last:.2g}", end, curve.colour, curve.dashes, is_bold=curve.width == _THICK)

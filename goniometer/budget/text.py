@@ -15,7 +15,9 @@ from goniometer.budget.forecast import Forecast
 from goniometer.durations import clock_text
 
 _MOMENTS = (1 / 16, 1 / 8, 1 / 4, 1 / 2, 1)
+NOT_DETERMINED = "not determined"
 _OPEN = "open"
+_NO_GAIN = "none of these changes improves it"
 
 
 def budget_text(recipe: Recipe, sample: AssumedSample, found: Budget, wanted: str | None) -> str:
@@ -34,20 +36,29 @@ def budget_text(recipe: Recipe, sample: AssumedSample, found: Budget, wanted: st
     """
     now = found.now
     names = [wanted] if wanted else list(now.names)
-    lines = [
-        f"{recipe.recipe}: {_directions(len(now.ends_s))}, {now.readings} readings, {clock_text(now.duration_s)}",
-        f"Assumed: {values_text(sample)} ({sample.source})",
-        "",
+    tables = [
         *_table(["standard errors after", "time", *now.names], _as_it_goes_on(now)),
         "",
         *_table(["changed to", "time", *now.names], [_row(outcome, now) for outcome in found.outcomes]),
     ]
-    return "\n".join([*lines, "", *_remarks(recipe, now), *(cheapest_text(found, name) for name in names)])
+    lines = [
+        f"{recipe.recipe}: {_directions(len(now.ends_s))}, {now.readings} readings, {clock_text(now.duration_s)}",
+        f"Assumed: {values_text(sample)} ({sample.source})",
+        "",
+        *tables,
+        "",
+    ]
+    if any(_OPEN in line.split() for line in tables):
+        lines.append(
+            f"{_OPEN}: {NOT_DETERMINED}; readings do not change with it, or its error is larger than the range in "
+            "which the fit searches it."
+        )
+    return "\n".join([*lines, *_remarks(recipe, now), *(cheapest_text(found, name) for name in names)])
 
 
 def _remarks(recipe: Recipe, now: Forecast) -> Iterator[str]:
-    if now.undetermined:
-        yield undetermined_text(now.undetermined)
+    if now.blind:
+        yield undetermined_text(now.blind)
     if recipe.reference is not None:
         yield (
             "Directions share the error of a reference, but the fit, and so these figures, take it for each one's own: "
@@ -61,7 +72,8 @@ def cheapest_text(found: Budget, name: str) -> str:
     """Which change buys a parameter's precision at the lowest price."""
     outcome, before = found.cheapest(name), found.now.final[name]
     if outcome is None:
-        return f"{name}: none of these changes {'determines' if math.isinf(before) else 'improves'} it."
+        verdict = f"{NOT_DETERMINED}, and none of these changes determines it" if math.isinf(before) else _NO_GAIN
+        return f"{name}: {verdict}."
     extra_s = outcome.forecast.duration_s - found.now.duration_s
     price = f"for {clock_text(extra_s)} more" if extra_s > 0.0 else f"and saves {clock_text(-extra_s)}"
     after = _number(outcome.forecast.final[name])

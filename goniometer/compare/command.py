@@ -9,6 +9,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from acquisition.fit_points import fit_arguments, surface_family
 from goniometer.errors import FitError
 from goniometer.fitting.input import FitInput, read_input, with_recipe
@@ -16,6 +18,7 @@ from goniometer.plain_json import plain
 from model.acceptance import half_angle_rad
 from model.comparison.candidates import BOUNCES, candidates
 from model.comparison.comparison import Compared, compare
+from model.comparison.held_out import ROUNDING
 from model.fit.dataset import Objective
 from model.fit.ellipsometric import Ellipsometric
 
@@ -37,6 +40,14 @@ class Comparison:
     def equally_good(self) -> tuple[str, ...]:
         """The best model by Akaike's criterion, and those that are as good."""
         return tuple(model.candidate.name for model in self.models if self.aic_above_best(model) <= EQUAL)
+
+    @property
+    def exact(self) -> tuple[str, ...]:
+        """Models that leave nothing of data without errors, where the criterion counts digits of rounding."""
+        data = self.given.data
+        rounding = math.sqrt(ROUNDING * float(np.mean(data.values**2)))
+        fits = {model.candidate.name: model.fit for model in self.models if model.fit is not None}
+        return tuple(name for name, fit in fits.items() if data.covariance is None and fit.rms <= rounding)
 
     @property
     def best_predictors(self) -> tuple[str, ...]:
@@ -89,6 +100,15 @@ def is_refused(model: Compared) -> bool | None:
     return model.fit.p_value < UNLIKELY
 
 
+def refused(models: Iterable[Compared]) -> dict[str, list[str]]:
+    """Why models could not be fitted or asked for predictions, and the names of those for which that holds."""
+    reasons: dict[str, list[str]] = {}
+    for model in models:
+        for reason in model.refusals:
+            reasons.setdefault(reason, []).append(model.candidate.name)
+    return reasons
+
+
 def compare_models(path: Path, recipe: Path | None = None, objective: Objective | None = None) -> Comparison:
     """Fit every model to a run, a NeXus file or a table.
 
@@ -124,7 +144,7 @@ def compare_models(path: Path, recipe: Path | None = None, objective: Objective 
         objective = "stokes" if choice is None else fit_arguments(choice)["objective"]
     models = tuple(compare(given.data, tried, objective=objective))
     if all(model.fit is None for model in models):
-        reasons = "\n".join(f"  {model.candidate.name}: {' '.join(model.refusals)}" for model in models)
+        reasons = "\n".join(f"  {', '.join(names)}: {reason}" for reason, names in refused(models).items())
         raise FitError(f"No model can be fitted to {path}:\n{reasons}")
     return Comparison(given, objective, models)
 

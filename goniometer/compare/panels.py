@@ -10,6 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from goniometer.compare.command import Comparison
+from goniometer.curve_names import CurveName, name_curves
+from goniometer.fitted_curve import filled, fitted_stokes
+from goniometer.plot_style import BAND, FAINT, INK, RULE
 from model.comparison.measured_dolp import measured_dolp
 from model.fit import Dataset
 from model.fit.observable import Elements
@@ -18,14 +21,10 @@ from model.geometry import FloatArray
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-INK, FAINT = "#222222", "#6f6f6f"
-_BAND = "#e9e9e9"
-_LABEL_GAP = 0.058
 _BELOW = 3.0
 """A curve of S0 is shown down to so much below the least measured value."""
 _LINEAR = 3.0
 """Residuals in standard errors up to which a strip is linear; beyond it is logarithmic."""
-_ROUNDS = 500
 _SCAN_NAME: dict[str, Any] = {"size": 8, "color": FAINT, "zorder": 21}
 
 
@@ -39,21 +38,30 @@ class Line:
 
 @dataclass(frozen=True, eq=False)
 class Scan:
-    """What a curve may connect: rows of one incidence in one plane, in the order of their signed exit angles."""
+    """What a curve may connect: rows of one incidence in one plane, in the order of their signed exit angles.
+
+    The curve itself goes through more directions, in rad, at the signed exit angles `curve_deg`.
+    """
 
     rows: NDArray[np.int64]
     exit_deg: FloatArray
     incidence_deg: float
+    curve_deg: FloatArray
+    curve_rad: tuple[FloatArray, FloatArray, FloatArray]
 
 
 @dataclass(frozen=True, eq=False)
 class Quantity:
-    """One measured quantity and every model's, shape (N,), with the unit in which residuals are counted."""
+    """One measured quantity and every model's, shape (N,), with the unit in which residuals are counted.
+
+    `curves` holds every model's along each of the scans.
+    """
 
     title: str
     measured: FloatArray
     stderr: FloatArray | None
     models: Mapping[str, FloatArray]
+    curves: Mapping[str, Sequence[FloatArray]]
     is_logarithmic: bool
 
     def residuals(self, name: str) -> FloatArray:
@@ -66,19 +74,31 @@ class Quantity:
         return left / unit if unit > 0.0 else left
 
 
-def quantities(found: Comparison) -> Iterator[Quantity]:
+def quantities(found: Comparison, scans: Sequence[Scan]) -> Iterator[Quantity]:
     """S0, where it was compared, and the DoLP, where the data hold it."""
     data = found.given.data
     fits = {model.candidate.name: model.fit for model in found.models if model.fit is not None}
+    lights = {
+        model.candidate.name: [fitted_stokes(model.candidate.family, model.fit, scan.curve_rad) for scan in scans]
+        for model in found.models
+        if model.fit is not None
+    }
     if found.objective == "stokes" and isinstance(data.observable, Elements) and 0 in data.observable.picked:
         place = data.observable.picked.index(0)
         stderr = None if data.covariance is None else np.sqrt(data.covariance[:, place, place])
         s0 = {name: fit.stokes[:, 0] for name, fit in fits.items()}
-        yield Quantity("$S_0$ (1/sr)", data.values[:, place], stderr, s0, is_logarithmic=True)
+        curves = {name: [light[:, 0] for light in along] for name, along in lights.items()}
+        yield Quantity("$S_0$ (1/sr)", data.values[:, place], stderr, s0, curves, is_logarithmic=True)
     dolp = measured_dolp(data)
     if dolp is not None:
-        fitted = {name: np.hypot(*fit.stokes[:, 1:].T) / fit.stokes[:, 0] for name, fit in fits.items()}
-        yield Quantity("degree of linear polarization", dolp.values, dolp.stderr, fitted, is_logarithmic=False)
+        fitted = {name: _dolp(fit.stokes) for name, fit in fits.items()}
+        curves = {name: [_dolp(light) for light in along] for name, along in lights.items()}
+        yield Quantity("degree of linear polarization", dolp.values, dolp.stderr, fitted, curves, is_logarithmic=False)
+
+
+def _dolp(stokes: FloatArray) -> FloatArray:
+    s0, s1, s2 = stokes.T
+    return np.asarray(np.hypot(s1, s2) / s0)
 
 
 def scans(data: Dataset) -> list[Scan]:
@@ -89,8 +109,16 @@ def scans(data: Dataset) -> list[Scan]:
     for plane in np.unique(planes, axis=0):
         rows = np.flatnonzero((planes == plane).all(axis=1))
         rows = rows[np.argsort(exit_deg[rows], kind="stable")]
-        found.append(Scan(rows, exit_deg[rows], float(np.degrees(plane[0]))))
+        found.append(_scan(rows, exit_deg[rows], *plane.tolist()))
     return found
+
+
+def _scan(rows: NDArray[np.int64], exit_deg: FloatArray, incidence_rad: float, sine: float) -> Scan:
+    """`sine` is that of the azimuth, without its sign: light on either side of the plane of incidence is as bright."""
+    curve_deg, aside_rad = filled(exit_deg), np.arcsin(sine)
+    azimuth_rad = np.where(curve_deg >= 0.0, np.pi - aside_rad, aside_rad)
+    directions_rad = np.full(len(curve_deg), incidence_rad), np.abs(np.radians(curve_deg)), azimuth_rad
+    return Scan(rows, exit_deg, float(np.degrees(incidence_rad)), curve_deg, directions_rad)
 
 
 def draw_curves(axes: Axes, quantity: Quantity, lines: Mapping[str, Line], scans: Sequence[Scan]) -> None:
@@ -98,9 +126,8 @@ def draw_curves(axes: Axes, quantity: Quantity, lines: Mapping[str, Line], scans
     if quantity.is_logarithmic:
         axes.set_yscale("log", nonpositive="mask")
     for place, (name, line) in enumerate(reversed(list(lines.items()))):
-        for scan in scans:
-            curve = quantity.models[name][scan.rows]
-            axes.plot(scan.exit_deg, curve, ls=line.dashes, color=line.colour, lw=1.5, zorder=3 + place)
+        for scan, curve in zip(scans, quantity.curves[name], strict=True):
+            axes.plot(scan.curve_deg, curve, ls=line.dashes, color=line.colour, lw=1.5, zorder=3 + place)
     for scan in scans:
         stderr = None if quantity.stderr is None else quantity.stderr[scan.rows]
         measured = quantity.measured[scan.rows]
@@ -115,32 +142,45 @@ def draw_curves(axes: Axes, quantity: Quantity, lines: Mapping[str, Line], scans
         axes.set_title(f"{hidden} not shown", loc="right", size=9, color=FAINT, pad=10)
     axes.grid(visible=True)
     axes.tick_params(labelbottom=False)
-    _name_curves(axes, {name: (scans[-1].exit_deg, quantity.models[name][scans[-1].rows]) for name in lines}, lines)
+    last = scans[-1]
+    ends = {name: (float(last.exit_deg[-1]), float(quantity.models[name][last.rows[-1]])) for name in lines}
+    name_curves(axes, [CurveName(name, ends[name], line.colour, line.dashes) for name, line in lines.items()])
 
 
 def draw_strip(axes: Axes, residuals: FloatArray, line: Line, scans: Sequence[Scan], reach: float) -> None:
     """Draw what one model leaves, on an axis that is linear up to a few standard errors."""
     from matplotlib.ticker import FixedLocator, NullLocator
 
-    axes.set_yscale("symlog", linthresh=_LINEAR, linscale=1.6)
-    axes.axhspan(-1.0, 1.0, color=_BAND, lw=0.0)
+    # An eighth more than the farthest point needs of the logarithmic part.
+    top = _LINEAR * max(reach / _LINEAR, 1.5) ** 1.125
+    decades = np.log10(top / _LINEAR)
+    # As much room up to where the axis changes as beyond.
+    axes.set_yscale("symlog", linthresh=_LINEAR, linscale=0.9 * max(decades, 1.0))
+    axes.axhspan(-1.0, 1.0, color=BAND, lw=0.0)
     axes.axhline(0.0, color=line.colour, lw=0.8)
+    for side in (-_LINEAR, _LINEAR):
+        axes.axhline(side, color=RULE, lw=0.6, ls=(0, (1, 2)))
     for scan in scans:
         axes.plot(scan.exit_deg, residuals[scan.rows], "o", color=line.colour, ms=2.6, mew=0.0)
-    top = max(1.6 * reach, 2.0 * _LINEAR)
-    outermost = 10.0 ** np.floor(np.log10(top))
     axes.set_ylim(-top, top)
-    axes.yaxis.set_major_locator(FixedLocator([-outermost, 0.0, outermost]))
+    outermost = 10.0 ** np.floor(np.log10(top))
+    beyond = [outermost] if outermost > _LINEAR else []
+    ticks = [0.0, *(side * tick for tick in (_LINEAR, *beyond) for side in (-1.0, 1.0))]
+    axes.yaxis.set_major_locator(FixedLocator(ticks))
     axes.yaxis.set_minor_locator(NullLocator())
-    axes.yaxis.set_major_formatter(
-        lambda value, _: f"{value:+.0f}" if 0.0 < abs(value) < 1e4 else f"{value:+.0e}" if value else "0"
-    )
-    axes.tick_params(axis="y", labelsize=7.5)
+    axes.yaxis.set_major_formatter(lambda value, _: _signed(value))
+    axes.tick_params(axis="y", labelsize=7)
+
+
+def _signed(value: float) -> str:
+    text = f"{value:+.0f}" if 0.0 < abs(value) < 1e4 else f"{value:+.0e}" if value else "0"
+    return text.replace("-", "\N{MINUS SIGN}", 1)
 
 
 def _limits(quantity: Quantity) -> tuple[float, float]:
     measured = quantity.measured[np.isfinite(quantity.measured)]
-    curves = np.concatenate([curve[np.isfinite(curve)] for curve in quantity.models.values()])
+    every = np.concatenate([curve for along in quantity.curves.values() for curve in along])
+    curves = every[np.isfinite(every)]
     if quantity.is_logarithmic:
         positive = measured[measured > 0.0]
         low, high = (positive.min(), positive.max()) if positive.size else (1e-3, 1.0)
@@ -157,47 +197,3 @@ def _hidden(quantity: Quantity) -> str:
         beyond = np.isnan(quantity.measured) | (quantity.measured > _limits(quantity)[1])
         count, what = int(beyond.sum()), "above 1 or without S0"
     return f"{count} values {what}" if count else ""
-
-
-def _name_curves(axes: Axes, curves: Mapping[str, tuple[FloatArray, FloatArray]], lines: Mapping[str, Line]) -> None:
-    """Names at the heights where curves end, moved apart as little as they must."""
-    low, high = axes.get_ylim()
-    ends = {
-        name: (at[-1], float(np.clip(np.nan_to_num(curve[-1], nan=low), low, high)))
-        for name, (at, curve) in curves.items()
-    }
-    places = axes.transAxes.inverted().transform(axes.transData.transform(list(ends.values())))
-    heights = _apart(places[:, 1])
-    for name, end, height in zip(ends, places, heights, strict=True):
-        colour = lines[name].colour
-        axes.annotate(
-            *(name, end),
-            xytext=(1.05, height),
-            xycoords="axes fraction",
-            textcoords="axes fraction",
-            va="center",
-            size=8.5,
-            color=colour,
-            parse_math=False,
-            arrowprops={
-                "arrowstyle": "-",
-                "color": colour,
-                "lw": 0.7,
-                "alpha": 0.6,
-                "shrinkA": 1,
-                "shrinkB": 2,
-                "relpos": (0.0, 0.5),
-            },
-        )
-
-
-def _apart(heights: FloatArray) -> FloatArray:
-    """Heights moved as little as leaves a gap between any two, in their order, and all within the panel."""
-    order = np.argsort(heights, kind="stable")
-    placed = heights[order]
-    for _ in range(_ROUNDS):
-        overlaps = np.maximum(_LABEL_GAP - np.diff(placed), 0.0) / 2.0
-        placed[:-1] -= overlaps
-        placed[1:] += overlaps
-        placed = np.clip(placed, 0.0, 1.0)
-    return placed[np.argsort(order)]

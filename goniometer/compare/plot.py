@@ -10,34 +10,16 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from goniometer.compare.command import Comparison
-from goniometer.compare.panels import FAINT, INK, Line, Quantity, Scan, draw_curves, draw_strip, quantities, scans
+from goniometer.compare.panels import Line, Quantity, Scan, draw_curves, draw_strip, quantities, scans
 from goniometer.compare.text import criterion
 from goniometer.errors import FitError, JournalError
+from goniometer.plot_style import COLOURS, DASHES, DPI, FAINT, STYLE
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-_DPI = 150
-_RULE = "#9a9a9a"
-# Okabe and Ito's palette, told apart with any colour vision
-_COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#8C6BB1")
-# Models that agree hide each other: gaps let the one below show.
-_DASHES: tuple[Any, ...] = ("-", (0, (5, 2)), (0, (1, 1.4)))
-_STYLE: dict[Any, Any] = {
-    "font.size": 9.5,
-    "text.color": INK,
-    "axes.labelcolor": INK,
-    "axes.edgecolor": _RULE,
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "axes.axisbelow": True,
-    "xtick.color": INK,
-    "ytick.color": INK,
-    "grid.color": "#e4e4e4",
-    "grid.linewidth": 0.7,
-}
-_HEAD_IN, _PANEL_IN, _BETWEEN_IN, _STRIP_IN, _FOOT_IN = 1.25, 3.7, 0.6, 0.62, 0.6
+_HEAD_IN, _PANEL_IN, _BETWEEN_IN, _STRIP_IN, _FOOT_IN = 1.25, 3.7, 0.6, 0.8, 0.6
 _LEFT_IN, _COLUMN_IN, _LABELS_IN = 0.75, 4.4, 1.95
 
 
@@ -62,20 +44,21 @@ def draw_comparison(path: Path, found: Comparison) -> None:
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    shown = list(quantities(found))
+    along = scans(found.given.data)
+    shown = list(quantities(found, along))
     if not shown:
         raise FitError(f"{found.given.path} holds neither S0 nor DoLP. The picture {path} was not drawn.")
     lines = _lines(found)
     height_in = _HEAD_IN + _PANEL_IN + _BETWEEN_IN + _STRIP_IN * len(lines) + _FOOT_IN
-    with mpl.rc_context(_STYLE):
+    with mpl.rc_context(STYLE):
         figure = Figure(figsize=(_LEFT_IN + (_COLUMN_IN + _LABELS_IN) * len(shown), height_in))
         FigureCanvasAgg(figure)
         _draw_head(figure, found)
         for column, quantity in enumerate(shown):
-            _draw_column(figure, column, quantity, lines, scans(found.given.data))
+            _draw_column(figure, column, quantity, lines, along)
         _name_strips(figure, found, lines)
         try:
-            figure.savefig(path, format="png", dpi=_DPI)
+            figure.savefig(path, format="png", dpi=DPI)
         except OSError as error:
             raise JournalError(
                 f"The picture {path} cannot be written: {error.strerror}. The comparison is complete without it. "
@@ -86,7 +69,7 @@ def draw_comparison(path: Path, found: Comparison) -> None:
 def _lines(found: Comparison) -> dict[str, Line]:
     """By name, in the order of the ranking; a model looks the same whatever its rank."""
     names = sorted(model.candidate.name for model in found.models)
-    looks = zip(itertools.cycle(_COLOURS), itertools.cycle(_DASHES), strict=False)
+    looks = zip(itertools.cycle(COLOURS), itertools.cycle(DASHES), strict=False)
     by_name = {name: Line(*look) for name, look in zip(names, looks, strict=False)}
     return {model.candidate.name: by_name[model.candidate.name] for model in found.models if model.fit is not None}
 
@@ -96,7 +79,7 @@ def _draw_head(figure: Figure, found: Comparison) -> None:
     left = _LEFT_IN / figure.get_figwidth()
     incidence_deg = ", ".join(f"{value:g}°" for value in np.unique(np.round(np.degrees(data.incidence_rad), 2)))
     dots = "dots: measured" if data.covariance is None else "dots: measured ± standard error"
-    details = f"incidence {incidence_deg}     {len(data)} directions     {dots}     lines: each model's best fit"
+    details = f"incidence {incidence_deg}     {len(data)} points     {dots}     lines: each model's best fit"
     figure.text(left, 1.0 - 0.36 / height_in, data.name, size=16, weight="bold", va="center", parse_math=False)
     figure.text(left, 1.0 - 0.68 / height_in, details, color=FAINT, va="center")
 

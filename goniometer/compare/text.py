@@ -8,7 +8,7 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from goniometer.compare.command import EQUAL, UNLIKELY, Comparison, is_refused
+from goniometer.compare.command import EQUAL, UNLIKELY, Comparison, is_refused, refused
 from model.comparison.comparison import Compared
 from model.comparison.measured_dolp import measured_dolp
 
@@ -52,8 +52,7 @@ def _head(found: Comparison) -> str:
     shown = ", ".join(columns) if len(columns) <= _MOST_COLUMNS else f"{columns[0]} to {columns[-1]}"
     errors = "their errors known" if data.covariance is not None else "their errors not stated"
     return (
-        f"{data.name}: {len(data)} directions, {data.values.size} values of {shown}, {errors}."
-        f"{_COMPARED[found.objective]}"
+        f"{data.name}: {len(data)} points, {data.values.size} values of {shown}, {errors}.{_COMPARED[found.objective]}"
     )
 
 
@@ -98,17 +97,35 @@ def _verdict(found: Comparison) -> Iterator[str]:
     predictors = found.best_predictors
     if predictors and best and best not in predictors:
         yield f"Held-out exit angles speak for {_listed(predictors)} instead: the ranking hangs by few directions."
+    if found.exact:
+        yield from textwrap.wrap(
+            f"{_listed(found.exact)} {'leave' if len(found.exact) > 1 else 'leaves'} nothing of the data but rounding: "
+            "these are too few to judge a model by, or hold no noise. The criterion means nothing then.",
+            _WIDTH,
+            subsequent_indent="  ",
+        )
+    unranked = [
+        model.candidate.name for model in found.models if model.aic is not None and not math.isfinite(model.aic)
+    ]
+    if unranked:
+        yield (
+            f"{_listed(unranked)}: without a criterion, because {found.given.data.values.size} values without errors "
+            "are too few for so many parameters."
+        )
     verdicts = [is_refused(model) for model in found.models]
     if True in verdicts and False not in verdicts:
         yield "The data refuse every model: the best one is the least wrong, and its parameters' errors are too small."
     dolp = measured_dolp(found.given.data)
     dark = 0 if dolp is None else int(np.isnan(dolp.values).sum())
     if dark:
-        yield f"rms DoLP leaves out {dark} of {len(found.given.data)} directions, in which S0 is not above 0."
-    for model in found.models:
-        for refusal in model.refusals:
-            what = "not fitted" if model.fit is None else "not predicted"
-            yield from textwrap.wrap(f"{model.candidate.name}, {what}: {refusal}", _WIDTH, subsequent_indent="  ")
+        yield f"rms DoLP leaves out {dark} of {len(found.given.data)} points, where S0 is not above 0."
+    for what, models in (
+        ("not fitted", [model for model in found.models if model.fit is None]),
+        ("not predicted", [model for model in found.models if model.fit is not None]),
+    ):
+        for reason, names in refused(models).items():
+            who = "Held-out exit angles" if len(names) == len(found.models) else _listed(names)
+            yield from textwrap.wrap(f"{who}, {what}: {reason}", _WIDTH, subsequent_indent="  ")
 
 
 def _sources(found: Comparison) -> dict[str, str]:

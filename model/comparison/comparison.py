@@ -26,7 +26,7 @@ class Compared:
     Attributes
     ----------
     candidate : Candidate
-        The model.
+        The model, with what the data tell nothing of held.
     fit : FitResult or None
         Its best surface; None if it has none.
     aic : float or None
@@ -92,14 +92,14 @@ def akaike(data: Dataset, found: FitResult) -> float:
 def _compared(values: Dataset, dolp: MeasuredDolp | None, candidate: Candidate) -> Compared:
     if candidate.refusal:
         return Compared(candidate, refusals=(candidate.refusal,))
-    family = _told(candidate.family, values)
+    candidate = replace(candidate, family=_told(candidate.family, values))
     try:
-        found = fit(values, family)
+        found = fit(values, candidate.family)
     except FitError as error:
         return Compared(candidate, refusals=(str(error),))
     compared = Compared(candidate, found, akaike(values, found), dolp_rms=_dolp_rms(dolp, found))
     try:
-        return replace(compared, held_out=held_out(values, family))
+        return replace(compared, held_out=held_out(values, candidate.family))
     except FitError as error:
         return replace(compared, refusals=(str(error),))
 

@@ -60,8 +60,7 @@ def folds(data: Dataset) -> list[NDArray[np.bool_]]:
     distinct, places = np.unique(signed_rad, return_inverse=True)
     if len(distinct) < FOLDS:
         raise FitError(
-            f"{data.name} hold {len(distinct)} exit angles. Nothing was left out and predicted. "
-            f"Measure at least {FOLDS}."
+            f"{len(distinct)} exit angles in {data.name}: nothing was left out and predicted. Measure at least {FOLDS}."
         )
     blocks = FOLDS * max(1, len(distinct) // (FOLDS * _SIDE_BY_SIDE))
     block = np.arange(len(distinct)) * blocks // len(distinct)

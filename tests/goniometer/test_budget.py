@@ -28,7 +28,8 @@ from goniometer.load_files import load_recipe
 from goniometer.planning import plan, reduction
 from model.fit import fit
 from model.geometry import in_plane
-from sim_devices.world import analyzer_row, surface
+from sim_devices.analyzer import analyzer_row
+from sim_devices.world import surface
 
 ROOT = Path(__file__).resolve().parents[2]
 IRON, GLASS = (ROOT / "recipes" / f"{name}_60deg.yaml" for name in ("iron", "glass"))
@@ -275,6 +276,59 @@ def test_what_a_recipe_can_never_determine_is_named(tmp_path):
     json.dumps(report.data, allow_nan=False)
     with pytest.raises(ConfigurationError, match=r"never determine rho_s, rho_d, rho_dd.*No design was made"):
         ask(recipe, design=tmp_path / "recipes" / "design.yaml")
+
+
+def dielectric_with_free_k(folder, **changes):
+    section = yaml.safe_load(GLASS.read_text())["fit"]
+    section |= {"free": {**section["free"], "k": [0.0, 2.0]}, "fixed": {}}
+    return write_variant(folder, GLASS, fit=section, **changes)
+
+
+def test_a_parameter_without_slope_is_open_and_nothing_is_recommended_for_it(tmp_path):
+    """At k = 0 reflectance does not change with k to first order: derivatives are of rounding."""
+    report = ask(dielectric_with_free_k(tmp_path, **SHORT), wanted="k", plot=tmp_path / "open.png")
+    assert report.data["stderr"]["k"] is None
+    assert report.data["undetermined"] == ["k"]
+    assert report.data["cheapest"]["k"] is None
+    assert all(change["stderr"]["k"] is None for change in report.data["changes"])
+    assert "e+" not in report.text
+    assert "This recipe can never determine k" in report.text
+    assert "k: not determined, and none of these changes determines it." in report.text
+    held = ask(write_variant(tmp_path, GLASS, **SHORT)).data["stderr"]
+    for name, stderr in held.items():
+        assert_allclose(report.data["stderr"][name], stderr, rtol=1e-6, err_msg=name)
+    with pytest.raises(ConfigurationError, match=r"never determine k: .*No design was made"):
+        ask(dielectric_with_free_k(tmp_path, **SHORT), design=tmp_path / "recipes" / "design.yaml")
+
+
+def test_an_error_larger_than_the_search_range_is_no_number(tmp_path):
+    """With hardly any k the readings hardly change with it: its error would be many times the range."""
+    recipe = dielectric_with_free_k(tmp_path, **SHORT)
+    report = ask(recipe, assumptions=["k=1e-5"])
+    assert report.data["stderr"]["k"] is None
+    assert report.data["undetermined"] == ["k"]
+    assert "can never determine" not in report.text
+    assert "open: not determined; readings do not change with it, or its error is larger than the range" in report.text
+    widths = {"sigma": 0.98, "n": 2.9, "k": 2.0}
+    for row in report.data["scan"]:
+        assert all(row["stderr"][name] is None or row["stderr"][name] <= width for name, width in widths.items())
+    assert any(row["stderr"]["n"] is None for row in report.data["scan"])
+    assert report.data["stderr"]["n"] is not None
+
+
+def test_polarizers_that_leave_a_parameter_open_are_not_the_best(monkeypatch):
+    setup, sample = loaded(GLASS)
+    precise_but_open = Forecast(("n", "k"), np.array([1.0]), np.array([[1e-9, np.inf]]), 1)
+    all_known = Forecast(("n", "k"), np.array([100.0]), np.array([[1.0, 1.0]]), 1)
+    triple = {tuple(change.recipe.analyzer_deg) for change in polarizer_sets(setup.recipe, setup.rig)[1]}
+    good = sorted(triple)[1]
+
+    def pretended(recipe, _rig, _sample):
+        return all_known if tuple(recipe.analyzer_deg) == good else precise_but_open
+
+    monkeypatch.setattr("goniometer.budget.budget.forecast", pretended)
+    best = budget(setup.recipe, setup.rig, sample).outcomes[-1]
+    assert best.words == f"polarizers {', '.join(f'{angle:g}' for angle in good)}"
 
 
 def test_an_objective_without_errors_is_refused(tmp_path):

@@ -8,12 +8,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 from numpy.testing import assert_allclose
 
 import goniometer
 from goniometer import cli
 from goniometer.compare.command import EQUAL, compare_models
-from goniometer.compare.panels import quantities, scans
+from goniometer.compare.panels import Line, Scan, draw_strip, quantities, scans
 from goniometer.compare.plot import draw_comparison
 from goniometer.compare.text import compare_text
 from goniometer.errors import FitError, JournalError
@@ -131,7 +132,7 @@ def test_the_words_say_who_is_best_and_who_cannot_be_told_apart(tmp_path: Path) 
     text = compare_text(found)
     told = "describes the data best" if len(found.equally_good) == 1 else "do not tell Hyde and ThreeComponent apart"
     assert told in text
-    assert "table.csv: 31 directions, 93 values of s0, s1, s2, their errors known." in text
+    assert "table.csv: 31 points, 93 values of s0, s1, s2, their errors known." in text
 
 
 def test_a_table_without_errors_has_no_verdict(tmp_path: Path) -> None:
@@ -180,7 +181,7 @@ def test_the_objective_of_the_command_line_counts(tmp_path: Path) -> None:
     assert_allclose(found.models[0].fit.rms, found.models[0].dolp_rms, rtol=1e-9)
     assert "Compared is the degree of linear polarization, with equal weights." in compare_text(found)
     # Nothing of S0 was compared.
-    assert [quantity.title for quantity in quantities(found)] == ["degree of linear polarization"]
+    assert [quantity.title for quantity in quantities(found, [])] == ["degree of linear polarization"]
 
 
 def test_few_exit_angles_are_ranked_without_predictions(tmp_path: Path) -> None:
@@ -189,7 +190,8 @@ def test_few_exit_angles_are_ranked_without_predictions(tmp_path: Path) -> None:
     table.write_text("\n".join([lines[0], *lines[20:24]]) + "\n")
     text = compare_text(compare_models(table))
     assert rows(text)[1][5] == "–"
-    assert "not predicted: table.csv hold 4 exit angles." in text
+    (said,) = [line for line in text.splitlines() if "not predicted" in line]
+    assert said.startswith("Held-out exit angles, not predicted: 4 exit angles in table.csv: nothing was left out")
 
 
 def test_data_that_no_model_can_be_fitted_to_are_refused(tmp_path: Path, command: Command) -> None:
@@ -198,6 +200,57 @@ def test_data_that_no_model_can_be_fitted_to_are_refused(tmp_path: Path, command
     code, out, err = command(table)
     assert (code, out) == (1, "")
     assert f"No model can be fitted to {table}:\n  PriestGermer: 3 values (1 directions) cannot determine" in err
+
+
+def test_a_reason_that_holds_for_all_models_is_said_once(tmp_path: Path, command: Command) -> None:
+    table = tmp_path / "dark.csv"
+    table.write_text("incidence_deg,exit_deg,dolp\n" + "".join(f"60,{exit_deg},0\n" for exit_deg in range(0, 60, 10)))
+    code, out, err = command(table)
+    assert (code, out) == (1, "")
+    assert "  PriestGermer, Hyde, ThreeComponent, Baek2018, Hao2023, V-grooves, 1 bounce: All 6 rows" in err
+    assert err.count("the detector was stuck, saturated or dark") == 1
+
+
+def test_a_model_with_too_many_parameters_to_be_ranked_is_named(tmp_path: Path) -> None:
+    table = tmp_path / "six.csv"
+    rows = [
+        f"60,{angle},{dolp}"
+        for angle, dolp in zip(range(10, 70, 10), (0.08, 0.15, 0.22, 0.28, 0.35, 0.43), strict=True)
+    ]
+    table.write_text("\n".join(["incidence_deg,exit_deg,dolp", *rows]) + "\n")
+    text = compare_text(compare_models(table))
+    assert "Hyde: without a criterion, because 6 values without errors are too few for so many parameters." in text
+
+
+def test_an_exact_fit_is_no_proof(tmp_path: Path) -> None:
+    """Three directions without errors, as many values as many parameters can meet exactly."""
+    table = tmp_path / "three.csv"
+    table.write_text(
+        "incidence_deg,exit_deg,s0_per_sr,s1_per_sr,s2_per_sr\n60,10,0.1,0.01,0\n60,20,0.2,0.03,0\n60,30,0.4,0.08,0\n"
+    )
+    found = compare_models(table)
+    assert set(found.exact) == {"ThreeComponent", "Hao2023", "V-grooves, 1 bounce"}
+    assert "leave nothing of the data but rounding: these are too few" in compare_text(found)
+    noisy = compare_models(a_table(tmp_path / "table.csv", errors=False))
+    assert noisy.exact == ()
+    assert "but rounding" not in compare_text(noisy)
+
+
+@pytest.mark.parametrize(
+    ("reach", "expected"), [(2.0, [-3, 0, 3]), (29.0, [-10, -3, 0, 3, 10]), (2e5, [-1e5, -3, 0, 3, 1e5])]
+)
+def test_a_strip_shows_where_its_axis_becomes_logarithmic(reach: float, expected: list[float]) -> None:
+    axes = Figure().add_subplot()
+    residuals = np.array([-reach, -1.0, 2.0])
+    exit_deg = np.array([0.0, 10.0, 20.0])
+    scan = Scan(np.arange(3), exit_deg, 60.0, exit_deg, (exit_deg, exit_deg, exit_deg))
+    draw_strip(axes, residuals, Line("#000000", "-"), [scan], reach)
+    low, high = axes.get_ylim()
+    shown = sorted(tick for tick in axes.get_yticks() if low <= tick <= high)
+    assert_allclose(shown, expected)
+    heights = axes.transData.transform([(0.0, tick) for tick in (0.0, 1.0, 2.0, 3.0)])[:, 1]
+    assert_allclose(np.diff(heights), heights[1] - heights[0], rtol=1e-9)
+    assert low < -reach < reach < high
 
 
 def test_ellipsometry_of_a_smooth_sample_compares_nothing(tmp_path: Path) -> None:
@@ -218,7 +271,11 @@ def test_the_picture_holds_every_quantity_and_every_scan(tmp_path: Path) -> None
     assert_allclose([scan.incidence_deg for scan in parts], [30.0, 60.0], rtol=1e-6)
     for scan in parts:
         assert_allclose(scan.exit_deg, np.arange(-40.0, 81.0, 4.0))
-    s0, dolp = quantities(found)
+    s0, dolp = quantities(found, parts)
+    for scan, curve in zip(parts, s0.curves["Hyde"], strict=True):
+        there = np.searchsorted(scan.curve_deg, scan.exit_deg)
+        assert_allclose(curve[there], s0.models["Hyde"][scan.rows], rtol=1e-4)
+        assert np.diff(scan.curve_deg).max() < 1.0
     best = found.models[0]
     assert_allclose(s0.residuals(best.candidate.name), (s0.measured - best.fit.fitted[:, 0]) / 1e-3, atol=1e-9)
     assert_allclose(np.sqrt(np.nanmean((dolp.measured - dolp.models["Hyde"]) ** 2)), best.dolp_rms, rtol=1e-12)

@@ -15,13 +15,16 @@ from matplotlib.figure import Figure
 from matplotlib.text import Text
 from numpy.testing import assert_allclose
 
+from acquisition.fit_points import dataset
 from acquisition.readings import StokesPoint
 from goniometer import report
 from goniometer.errors import JournalError
+from goniometer.fitted_curve import FittedCurve, fitted_curve
 from goniometer.fitting.summary import quality
 from goniometer.report import draw_report
 from goniometer.report_panels import draw_quantity, quantities
-from model.fit import Estimate, FitResult
+from model.fit import Estimate, FitResult, fit, lobe_family
+from model.geometry import in_plane
 from model.lobes import Diffuse
 from model.surface import Surface
 
@@ -67,6 +70,13 @@ def _fit(points: list[StokesPoint]) -> FitResult:
     )
 
 
+def _curve(points: list[StokesPoint]) -> FittedCurve:
+    ordered = sorted(points, key=lambda point: point.exit_deg)
+    return FittedCurve(
+        np.array([point.exit_deg for point in ordered]), np.array([np.abs(point.stokes) for point in ordered])
+    )
+
+
 @pytest.fixture
 def drawn(monkeypatch: pytest.MonkeyPatch) -> list[Figure]:
     """The figures that were saved, so that a test can look at what is in them."""
@@ -81,12 +91,15 @@ def drawn(monkeypatch: pytest.MonkeyPatch) -> list[Figure]:
     return figures
 
 
+def _draw(path: Path, points: list[StokesPoint], title: str = "iron", truth: dict[str, float] | None = None) -> None:
+    draw_report(path, title=title, points=points, fit=_fit(points), curve=_curve(points), truth=truth or {})
+
+
 @pytest.mark.parametrize(("count", "has_fit"), [(1, False), (3, True), (61, False), (2000, True)])
 def test_a_picture_comes_of_any_number_of_points(tmp_path: Path, count: int, has_fit: bool) -> None:
     points = _scan(count)
-    draw_report(
-        tmp_path / "report.png", title="iron", points=points, fit=_fit(points) if has_fit else None, truth=TRUTH
-    )
+    fitted = {"fit": _fit(points), "curve": _curve(points)} if has_fit else {"fit": None, "curve": None}
+    draw_report(tmp_path / "report.png", title="iron", points=points, **fitted, truth=TRUTH)
     picture = matplotlib.image.imread(tmp_path / "report.png")
     assert picture.shape[1] == 1950
     assert picture.std() > 0.05
@@ -98,7 +111,7 @@ def test_no_text_lies_on_another_or_leaves_the_picture(
     tmp_path: Path, drawn: list[Figure], truth: dict[str, float]
 ) -> None:
     points = _scan(61)
-    draw_report(tmp_path / "report.png", title="iron at 60 degrees", points=points, fit=_fit(points), truth=truth)
+    _draw(tmp_path / "report.png", points, title="iron at 60 degrees", truth=truth)
     (figure,) = drawn
     renderer = FigureCanvasAgg(figure).get_renderer()
     texts = [text for text in figure.findobj(Text) if text.get_visible() and text.get_text().strip()]
@@ -116,7 +129,7 @@ def test_no_text_lies_on_another_or_leaves_the_picture(
 
 def test_the_table_shows_value_error_truth_difference_and_bounds(tmp_path: Path, drawn: list[Figure]) -> None:
     points = _scan(10)
-    draw_report(tmp_path / "report.png", title="iron", points=points, fit=_fit(points), truth=TRUTH)
+    _draw(tmp_path / "report.png", points, truth=TRUTH)
     texts = {text.get_text() for text in drawn[0].texts}
     assert {"0.312", "± 0.011", "0.3", "+1.1", "at its bound", "iron"} <= texts
     assert any(
@@ -126,23 +139,23 @@ def test_the_table_shows_value_error_truth_difference_and_bounds(tmp_path: Path,
 
 def test_the_truth_is_not_mentioned_when_nobody_knows_it(tmp_path: Path, drawn: list[Figure]) -> None:
     points = _scan(10)
-    draw_report(tmp_path / "report.png", title="iron", points=points, fit=_fit(points), truth={})
+    _draw(tmp_path / "report.png", points)
     assert "truth" not in {text.get_text() for text in drawn[0].texts}
 
 
 def test_negative_s0_is_marked_and_counted_not_dropped(tmp_path: Path) -> None:
     points = [_point(0.0, -1e-4), _point(1.0, 1e-5), *(_point(float(deg), 0.1) for deg in range(2, 30))]
     axes = Figure().add_subplot()
-    s0, *_ = quantities(points, None)
+    s0, *_ = quantities(points)
     draw_quantity(axes, s0)
     assert axes.get_yscale() == "log"
     assert axes.get_title("right") == "▽ 2 below the noise"
-    draw_report(tmp_path / "report.png", title="weak", points=points, fit=_fit(points), truth={})
+    _draw(tmp_path / "report.png", points, title="weak")
 
 
 def test_a_scan_without_any_light_is_drawn_all_the_same(tmp_path: Path) -> None:
     points = [_point(float(deg), -1e-4) for deg in range(5)]
-    draw_report(tmp_path / "report.png", title="dark", points=points, fit=None, truth={})
+    draw_report(tmp_path / "report.png", title="dark", points=points, fit=None, curve=None, truth={})
 
 
 def test_residuals_of_an_angle_go_the_short_way_round() -> None:
@@ -165,10 +178,49 @@ def test_points_are_drawn_in_the_order_of_the_exit_angle() -> None:
 
 def test_drawing_leaves_the_users_matplotlib_alone(tmp_path: Path) -> None:
     before = dict(mpl.rcParams)
-    draw_report(tmp_path / "report.png", title="iron", points=_scan(3), fit=None, truth={})
+    draw_report(tmp_path / "report.png", title="iron", points=_scan(3), fit=None, curve=None, truth={})
     assert dict(mpl.rcParams) == before
 
 
 def test_a_folder_that_is_not_there_is_named(tmp_path: Path) -> None:
     with pytest.raises(JournalError, match="cannot be written"):
-        report.draw_report(tmp_path / "no" / "report.png", title="x", points=_scan(3), fit=None, truth={})
+        report.draw_report(tmp_path / "no" / "report.png", title="x", points=_scan(3), fit=None, curve=None, truth={})
+
+
+def test_a_fit_is_drawn_between_the_points_as_the_instrument_would_report_it(
+    tmp_path: Path, drawn: list[Figure]
+) -> None:
+    """Few directions, one of them twice, seen with an arm off its zero and a gain that is known."""
+    family = lobe_family(
+        ["specular", "diffuse"],
+        free={"sigma": (0.02, 1.0), "n": (1.1, 4.0), "exit_offset_rad": (-0.1, 0.1)},
+        fixed={"k": 0.0, "gain": 2.0},
+    )
+    truth, offset_deg = {"sigma": 0.2, "n": 1.6, "rho_s": 0.7, "rho_d": 0.1}, 1.5
+
+    def reported(exit_deg: np.ndarray) -> np.ndarray:
+        there = in_plane(np.radians(exit_deg + offset_deg))
+        return 2.0 * family.surface_of({**truth}).stokes(np.full(len(exit_deg), np.radians(60.0)), *there)[:, :3]
+
+    measured_deg = np.array([60.0, -10.0, 30.0, 60.0, 45.0, 10.0])
+    points = [
+        replace(_point(angle, 1.0), stokes=stokes)
+        for angle, stokes in zip(measured_deg.tolist(), reported(measured_deg), strict=True)
+    ]
+    found = fit(dataset(points), family)
+    curve = fitted_curve(points, family, found)
+    assert set(measured_deg) <= set(curve.exit_deg)
+    assert np.diff(curve.exit_deg).max() < 0.5
+    assert_allclose(curve.stokes, reported(curve.exit_deg), rtol=1e-6, atol=1e-9)
+
+    draw_report(tmp_path / "report.png", title="few", points=points, fit=found, curve=curve, truth={})
+    (figure,) = drawn
+    panels = [axes for axes in figure.axes if axes.get_title("left").startswith(("$S_0$", "degree"))]
+    for axes, expected in zip(
+        panels, (curve.stokes[:, 0], np.hypot(*curve.stokes[:, 1:].T) / curve.stokes[:, 0]), strict=True
+    ):
+        lines = [line for line in axes.lines if len(line.get_xdata()) == len(curve.exit_deg)]
+        assert_allclose([line.get_ydata() for line in lines], [expected])
+    details = next(text.get_text() for text in figure.texts if "incidence" in text.get_text())
+    assert "6 points" in details
+    assert "direction" not in details.replace("s-direction", "")
