@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
@@ -14,6 +14,7 @@ from acquisition.protocols import Analyzer, Detector, RotaryAxis
 from acquisition.readings import Reading
 from acquisition.timing import POLL_S, READING_POLL_S
 from drivers.clock import Clock, Deadline
+from drivers.interlock import Interlock
 from goniometer.errors import PositionError, ReplyTimeoutError
 
 _SLICE_S = 0.1
@@ -33,11 +34,26 @@ class Bench:
     analyzer: Analyzer
     detector: Detector
     notes: tuple[str, ...] = ()
+    interlock: Interlock | None = None
+
+    @property
+    def axes(self) -> dict[str, RotaryAxis]:
+        """The axes by role."""
+        return {
+            "source_arm": self.source_arm,
+            "detector_arm": self.detector_arm,
+            "sample_azimuth": self.sample_azimuth,
+        }
+
+    def order(self, targets_deg: Mapping[str, float]) -> tuple[tuple[str, ...], ...]:
+        """The roles that move together, in turn; raises CollisionError when there is no safe way."""
+        return (tuple(targets_deg),) if self.interlock is None else self.interlock.order(targets_deg)
 
     def stop(self, clock: Clock) -> list[BaseException]:
         """Stop everything that can move and see it come to rest, whatever fails on the way; returns what failed."""
-        axes = (self.source_arm, self.detector_arm, self.sample_azimuth)
-        attempts: list[Callable[[], None]] = [device.stop for device in (*axes, self.analyzer)]
+        axes = self.axes.values()
+        devices: list[RotaryAxis | Analyzer] = [*axes, self.analyzer]
+        attempts: list[Callable[[], None]] = [device.stop for device in devices]
         attempts += [partial(_see_at_rest, axis, clock) for axis in axes]
         failures: list[BaseException] = []
         for attempt in attempts:
@@ -144,36 +160,43 @@ class Engine:
                 self._take_reading(step, repeat, positions_deg)
             self._time_left_s -= step.duration_s
 
-    def _axes(self, step: Step) -> tuple[tuple[RotaryAxis, float], ...]:
-        bench, target = self._bench, step.target
-        return (
-            (bench.source_arm, target.incidence_deg),
-            (bench.detector_arm, target.exit_deg),
-            (bench.sample_azimuth, target.azimuth_deg),
-        )
-
     def _move(self, step: Step) -> None:
         """Start every motion that the step needs, then wait until all have ended and settled."""
         self._check()
-        analyzer = self._bench.analyzer
+        axes, analyzer = self._bench.axes, self._bench.analyzer
+        targets_deg = {
+            role: angle_deg
+            for role, angle_deg in step.target.axes_deg.items()
+            if abs(axes[role].position_deg() - angle_deg) > axes[role].tolerance_deg
+        }
+        turns = analyzer.slot() != step.target.slot
+        settles_s = [axes[role].settle_s for role in targets_deg] + [analyzer.settle_s] * turns
         moving: list[RotaryAxis | Analyzer] = []
-        for axis, target_deg in self._axes(step):
-            if abs(axis.position_deg() - target_deg) > axis.tolerance_deg:
-                axis.start_move(target_deg)
-                moving.append(axis)
-        if analyzer.slot() != step.target.slot:
+        if turns:
             analyzer.start_select(step.target.slot)
             moving.append(analyzer)
-        if moving:
-            settle_s = max(device.settle_s for device in moving)
-            while moving:
-                self._wait(POLL_S)
-                moving = [device for device in moving if device.is_moving()]
-            self._wait(settle_s)
+        for together in self._bench.order(targets_deg):
+            for role in together:
+                axes[role].start_move(targets_deg[role])
+            arms = [axes[role] for role in together]
+            moving = self._until_at_rest([*arms, *moving], arms)
+        self._until_at_rest(moving, moving)
+        if settles_s:
+            self._wait(max(settles_s))
+
+    def _until_at_rest(
+        self, moving: list[RotaryAxis | Analyzer], needed: Sequence[RotaryAxis | Analyzer]
+    ) -> list[RotaryAxis | Analyzer]:
+        """Wait until the needed devices have arrived; returns the others that still move."""
+        while any(device in moving for device in needed):
+            self._wait(POLL_S)
+            moving = [device for device in moving if device.is_moving()]
+        return moving
 
     def _read_back(self, step: Step) -> list[float]:
         positions_deg = []
-        for axis, target_deg in self._axes(step):
+        for role, target_deg in step.target.axes_deg.items():
+            axis = self._bench.axes[role]
             position_deg = axis.position_deg()
             if abs(position_deg - target_deg) > axis.tolerance_deg:
                 raise PositionError(

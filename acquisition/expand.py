@@ -30,6 +30,15 @@ class Target:
     azimuth_deg: float
     slot: int
 
+    @property
+    def axes_deg(self) -> dict[str, float]:
+        """Where the axes stand, by role."""
+        return {
+            "source_arm": self.incidence_deg,
+            "detector_arm": self.exit_deg,
+            "sample_azimuth": self.azimuth_deg,
+        }
+
 
 HOME = Target(0.0, 0.0, 0.0, 1)
 """Where a bench is taken to stand before its first step."""
@@ -137,12 +146,12 @@ def _moving_s(here: Target, there: Target, timing: BenchTiming) -> float:
         (timing.detector_arm, there.exit_deg - here.exit_deg),
         (timing.sample_azimuth, there.azimuth_deg - here.azimuth_deg),
     )
-    moves_s = [axis.move_s(distance) for axis, distance in arms if distance]
+    moving_s = timing.axes_s(here.axes_deg, there.axes_deg)
     settles_s = [axis.settle_s for axis, distance in arms if distance]
     if here.slot != there.slot:
-        moves_s.append(timing.analyzer.move_s(here.slot, there.slot))
+        moving_s = max(moving_s, timing.analyzer.move_s(here.slot, there.slot))
         settles_s.append(timing.analyzer.settle_s)
     position_check_s = 4 * EXCHANGE_S
-    if not moves_s:
+    if not settles_s:
         return position_check_s
-    return max(moves_s) + POLL_S / 2 + 2 * EXCHANGE_S + max(settles_s) + position_check_s
+    return moving_s + POLL_S / 2 + 2 * EXCHANGE_S + max(settles_s) + position_check_s

@@ -6,7 +6,9 @@ What a person writes and reads in degrees has a name that ends in ``_deg``; in t
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import replace
 from typing import TypedDict
 
@@ -23,6 +25,7 @@ from model.fit.start import Search
 from model.geometry import FloatArray, in_plane
 
 _DEG, _RAD = "_deg", "_rad"
+_MODEL_NAME = re.compile(r"\b(\w+)_rad\b")
 
 
 class FitArguments(TypedDict):
@@ -124,6 +127,15 @@ def in_degrees(result: FitResult) -> FitResult:
         weakness=result.weakness and replace(result.weakness, changes=converted(result.weakness.changes)),
         alternatives=tuple(replace(other, parameters=converted(other.parameters)) for other in result.alternatives),
     )
+
+
+@contextmanager
+def named_in_degrees() -> Iterator[None]:
+    """Within it, refusals call the instrument's angles what people call them, ``exit_offset_deg``."""
+    try:
+        yield
+    except FitError as error:
+        raise FitError(_MODEL_NAME.sub(rf"\1{_DEG}", str(error))) from error
 
 
 def model_name(name: str) -> str:

@@ -99,6 +99,8 @@ def check_values(table: TextTable, kind: str, picked: Sequence[str]) -> None:
         if name in table.columns:
             is_bad = table.columns[name] <= 0.0
             table.refuse(name, is_bad, "allowed: above 0; take all columns of errors out if nobody knows them")
+    if picked[0] in (STOKES[0], MUELLER[0]):
+        _check_brightness(table, picked[0])
     if kind == "Mueller":
         _check_mueller(table, picked)
     elif kind == "DoLP":
@@ -120,6 +122,17 @@ def _check_angles(table: TextTable) -> None:
         table.refuse("exit_deg", is_bad, "allowed: from 0 to below 90, for phi_deg says on which side")
     if phi is not None:
         table.refuse("phi_deg", np.abs(phi) > 360.0, "allowed: from -360 to 360")
+
+
+def _check_brightness(table: TextTable, name: str) -> None:
+    """Light is never negative; a measurement of darkness is, within its noise."""
+    brightness, columns = table.columns[name], table.columns
+    if (brightness <= 0.0).all():
+        table.add(table.header_line, f"column {name} is nowhere above 0, but light is; look at its sign")
+        return
+    variance = columns.get(covariance_of(name, name), columns.get(stderr_of(name), np.inf * np.ones(1)) ** 2)
+    is_bad = brightness < -_SURE * np.sqrt(np.maximum(variance, 0.0))
+    table.refuse(name, is_bad, "light is never below 0 by more than its noise; look at the dark signal")
 
 
 def _check_mueller(table: TextTable, picked: Sequence[str]) -> None:

@@ -11,6 +11,7 @@ from acquisition.fit_points import directions, in_radians
 from acquisition.measured_columns import KINDS, KNOWN, check_values, covariance_of, picked_values, stderr_of
 from acquisition.text_table import TextTable, read_table
 from model.fit import Dataset
+from model.fit.dataset import is_positive_definite
 from model.fit.ellipsometric import Ellipsometric, wrapped
 from model.fit.observable import MUELLER, STOKES, Dolp, Elements, Observable, Ratios
 from model.geometry import FloatArray
@@ -50,7 +51,8 @@ def read_measured_csv(path: Path) -> Dataset:
     values = np.stack([in_radians(name, given[name]) for name in picked], axis=1)
     if "delta_deg" in picked:
         values[:, 1] = wrapped(values[:, 1])
-    return Dataset(*where, values, covariance, _observable(kind, picked), name=path.name)
+    lines = np.array(table.lines)
+    return Dataset(*where, values, covariance, _observable(kind, picked), name=path.name, lines=lines)
 
 
 def _covariance(table: TextTable, picked: Sequence[str]) -> FloatArray | None:
@@ -68,7 +70,7 @@ def _covariance(table: TextTable, picked: Sequence[str]) -> FloatArray | None:
     faults = {
         "columns cov: the covariance of a pair is not that of the same pair the other way round": ~mirrored.all((1, 2)),
         "columns cov: these are no covariances, for a sum of the values would have no error": (
-            np.linalg.eigvalsh(covariance)[:, 0] <= 0.0
+            ~is_positive_definite(covariance)
         ),
     }
     if stderr is not None:

@@ -107,7 +107,11 @@ def read_table(path: Path, known: Collection[str]) -> TextTable:
             table.lines.append(number)
             rows.append(cells)
         elif cells:
-            hint = "; are these decimal commas? Write 0.5, or separate columns by semicolons" * (delimiter == ",")
+            hint = ""
+            if len(cells) < len(names):
+                hint = "; is one missing?"
+            elif delimiter == ",":
+                hint = "; are these decimal commas? Write 0.5, or separate columns by semicolons"
             table.add(number, f"found {len(cells)} values; the {len(names)} columns need as many{hint}")
     if not rows:
         table.add(table.header_line, "there is no row of numbers below the column names; write one line a direction")
@@ -147,7 +151,7 @@ def _cells(table: TextTable, number: int, line: str, delimiter: str) -> list[str
 
 
 def _check_names(table: TextTable, names: list[str], known: Collection[str]) -> None:
-    if not set(names) & set(known):
+    if not {name.lower() for name in names} & set(known):
         table.add(
             table.header_line,
             f"found '{', '.join(names)[:60]}' where the names of columns should be, and none of them is known; write "

@@ -7,6 +7,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Protocol
 
+from drivers.collision_zones import Zone, free_order
+
 POLL_S = 0.02
 """How often a moving device is asked whether it has arrived."""
 
@@ -81,9 +83,23 @@ class RotatorTiming:
 
 @dataclass(frozen=True)
 class BenchTiming:
-    """The timing of every part of the bench."""
+    """The timing of every part of the bench; axes that could touch in a zone move one after the other."""
 
     source_arm: AxisTiming
     detector_arm: AxisTiming
     sample_azimuth: AxisTiming
     analyzer: AnalyzerTiming
+    zones: tuple[Zone, ...] = ()
+
+    def axes_s(self, here_deg: Mapping[str, float], there_deg: Mapping[str, float]) -> float:
+        """Duration of the axes' moves between two places, given by role; a way through a zone counts as if free."""
+        axes = {
+            "source_arm": self.source_arm,
+            "detector_arm": self.detector_arm,
+            "sample_azimuth": self.sample_azimuth,
+        }
+        ways = {role: (start, there_deg[role]) for role, start in here_deg.items() if start != there_deg[role]}
+        if not ways:
+            return 0.0
+        order = free_order(self.zones, here_deg, ways) or (tuple(ways),)
+        return sum(max(axes[role].move_s(ways[role][1] - ways[role][0]) for role in together) for together in order)

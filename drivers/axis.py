@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from drivers.clock import Clock, Deadline
@@ -57,6 +58,11 @@ class Axis:
         Counts the deadlines of motions.
     travel : Travel
         How it may be moved.
+
+    Attributes
+    ----------
+    permit : callable
+        Asked before a move with the angles where it begins, turns and ends; raises to refuse it.
     """
 
     def __init__(self, stage: Stage, clock: Clock, travel: Travel) -> None:
@@ -68,6 +74,8 @@ class Axis:
         self._deadline: Deadline | None = None
         self._progress: Progress | None = None
         self._came_from_below = False
+        self._way_deg: list[float] = []
+        self.permit: Callable[[Sequence[float]], None] = _permit_all
 
     def connect(self) -> tuple[str, ...]:
         """Check the stage and set it up; moves nothing. Returns errors left in it from earlier use."""
@@ -91,6 +99,8 @@ class Axis:
         ------
         LimitError
             When the target, or the approach to it, is outside the limits; nothing is sent.
+        CollisionError
+            When `permit` finds a collision zone on the way; nothing is sent that moves.
         DeviceFaultError
             When the stage has lost its home position or does not take the move.
         """
@@ -104,9 +114,16 @@ class Axis:
             )
         self._forget_motion()
         here_deg = self._counted_deg()
-        self._target_deg = target_deg
-        self._legs.extend(self.way_deg(here_deg, target_deg)[1:])
+        way_deg = self.way_deg(here_deg, target_deg)
+        self.permit(way_deg)
+        self._target_deg, self._way_deg = target_deg, way_deg
+        self._legs.extend(way_deg[1:])
         self._start_leg(here_deg)
+
+    def span_deg(self) -> tuple[float, float]:
+        """Lowest and highest angle at which the axis is until it has arrived; a single one when it stands."""
+        angles_deg = [self._counted_deg(), *self._way_deg]
+        return min(angles_deg), max(angles_deg)
 
     def way_deg(self, here_deg: float, target_deg: float) -> list[float]:
         """The angles where a move begins, turns and ends; of an axis that turns for ever, with its whole turns."""
@@ -177,10 +194,15 @@ class Axis:
 
     def _forget_motion(self) -> None:
         self._legs.clear()
+        self._way_deg = []
         self._deadline = self._progress = None
 
     def _counted_deg(self) -> float:
         return self._stage.position_deg() - self.travel.zero_deg
+
+
+def _permit_all(way_deg: Sequence[float]) -> None:
+    """The rule of an axis that cannot touch anything."""
 
 
 def _nearest(angle_deg: float, to_deg: float) -> float:

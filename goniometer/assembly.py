@@ -7,6 +7,7 @@ from contextlib import ExitStack, contextmanager
 
 from acquisition.engine import Bench
 from drivers.clock import Clock
+from drivers.interlock import Interlock
 from goniometer.rig_devices.connecting import Connecting
 from goniometer.rig_file import Rig
 
@@ -38,5 +39,11 @@ def connected(rig: Rig, ports: Mapping[str, str], clock: Clock, wavelength_nm: f
         (analyzer,), (detector,) = bench.analyzers.values(), bench.detectors.values()
         axes = bench.axes
         yield Bench(
-            axes["source_arm"], axes["detector_arm"], axes["sample_azimuth"], analyzer, detector, tuple(bench.notes)
+            axes["source_arm"],
+            axes["detector_arm"],
+            axes["sample_azimuth"],
+            analyzer,
+            detector,
+            tuple(bench.notes),
+            Interlock(rig.zones, axes),
         )

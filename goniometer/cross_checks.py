@@ -7,7 +7,8 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from acquisition.recipe import Recipe
-from goniometer.planning import beginning
+from goniometer.collision_zones import first_blocked
+from goniometer.planning import beginning, plan
 from goniometer.rig_devices.entry import Role
 from goniometer.rig_file import Rig
 from goniometer.yaml_file import Fault, KeyPath, YamlFile
@@ -87,6 +88,19 @@ def _angles(recipe: Recipe) -> Iterator[tuple[Role, KeyPath, float]]:
         yield "detector_arm", ("exit_deg", number), angle
     if recipe.reference is not None:
         yield "detector_arm", ("reference", "exit_deg"), recipe.reference.exit_deg
+
+
+def path_on_rig(recipe: Recipe, file: YamlFile, rig: Rig, rig_path: Path) -> Iterator[Fault]:
+    """Whether a scan can be run without a collision; for a recipe and a rig that fit together."""
+    # an adaptive scan may go from any of its angles to any other, and so from end to end
+    blocked = first_blocked(plan(recipe, rig), rig.zones)
+    if blocked is not None:
+        here, there = (f"{place.incidence_deg:g}/{place.exit_deg:g}/{place.azimuth_deg:g}" for place in blocked)
+        yield file.fault(
+            ("exit",) if recipe.exit is not None else ("exit_deg",),
+            f"leads through a collision zone: from incidence/exit/azimuth {here} to {there} degrees no order of moves "
+            f"keeps out of the collision_zones of {rig_path}. Leave those angles out",
+        )
 
 
 def time_limit_on_rig(recipe: Recipe, file: YamlFile, rig: Rig, rig_path: Path) -> Iterator[Fault]:

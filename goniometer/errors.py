@@ -10,6 +10,7 @@
     │   ├── ReplyError (ValueError)               an answer that cannot be what was asked for
     │   ├── DeviceFaultError (RuntimeError)       the device itself reports a fault
     │   ├── LimitError (ValueError)               a move outside the limits; refused before the first byte
+    │   ├── CollisionError (ValueError)           a move whose path enters a collision zone; refused likewise
     │   └── PositionError (RuntimeError)          the device stopped somewhere else than it was sent
     ├── ReductionError (ValueError)          readings that cannot be turned into Stokes parameters
     ├── FitError (ValueError)                data that cannot determine the parameters asked for
@@ -80,6 +81,10 @@ class DeviceFaultError(DeviceError, RuntimeError):
 
 class LimitError(DeviceError, ValueError):
     """A move outside the limits, refused before the first byte was sent."""
+
+
+class CollisionError(DeviceError, ValueError):
+    """A move whose path enters a collision zone, refused before the first byte was sent."""
 
 
 class PositionError(DeviceError, RuntimeError):

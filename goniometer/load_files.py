@@ -9,7 +9,7 @@ from typing import TypeVar
 from pydantic import BaseModel, ValidationError
 
 from acquisition.recipe import Recipe
-from goniometer.cross_checks import recipe_on_rig, recipe_on_scene, scene_on_rig, time_limit_on_rig
+from goniometer.cross_checks import path_on_rig, recipe_on_rig, recipe_on_scene, scene_on_rig, time_limit_on_rig
 from goniometer.errors import ConfigurationError
 from goniometer.faults import model_faults
 from goniometer.rig_file import Rig
@@ -81,6 +81,7 @@ def load_recipe(path: Path, rig_path: Path | None = None) -> Setup:
         report.faults += recipe_on_scene(recipe, recipe_file, scene, scene_file.path)
     if recipe and rig and rig_file and not report.faults:
         report.faults += time_limit_on_rig(recipe, recipe_file, rig, rig_file.path)
+        report.faults += path_on_rig(recipe, recipe_file, rig, rig_file.path)
     if report.faults or not (recipe and rig and rig_file):
         raise report.error()
     return Setup(

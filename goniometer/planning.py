@@ -72,7 +72,7 @@ def slots(rig: Rig) -> Slots:
 def timing(rig: Rig) -> BenchTiming:
     """The speeds that the rig file states."""
     axes = {role: axis.timing for role, axis in rig.axes().items()}
-    return BenchTiming(axes["source_arm"], axes["detector_arm"], axes["sample_azimuth"], rig.analyzer.timing)
+    return BenchTiming(axes["source_arm"], axes["detector_arm"], axes["sample_azimuth"], rig.analyzer.timing, rig.zones)
 
 
 def reduction(recipe: Recipe, rig: Rig) -> Reduction:

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Self
+from typing import Annotated, Self
 
 from pydantic import Field, model_validator
 
 from acquisition.section import Section, SectionFault, refuse_all
+from drivers.collision_zones import Zone
+from goniometer.collision_zones import ZoneEntry
 from goniometer.port_address import LoopbackAddress
 from goniometer.rig_devices.entry import ROLES, AnalyzerEntry, AxesEntry, AxisEntry, DetectorEntry, DeviceEntry, Role
 from goniometer.rig_devices.known import AnyDevice
@@ -26,6 +28,9 @@ class Rig(Section):
     rig: str = Field(min_length=1, description="name of the bench, for a person")
     devices: dict[str, AnyDevice] = Field(description="the bench's devices, each under a name of your choice")
     calibration: Calibration = Field(description="what turns detector power into reflectance")
+    collision_zones: Annotated[tuple[ZoneEntry, ...], Field(strict=False)] = Field(
+        default=(), description="angles at which parts of the bench would touch; no path may enter one"
+    )
     bench: LoopbackAddress | None = Field(
         default=None,
         description="socket://127.0.0.1:PORT of the bench that goniometer simulate serves in another process",
@@ -33,7 +38,7 @@ class Rig(Section):
 
     @model_validator(mode="after")
     def _check(self) -> Self:
-        refuse_all([*self._role_faults(), *self._kind_faults(), *self._port_faults()])
+        refuse_all([*self._role_faults(), *self._kind_faults(), *self._port_faults(), *self._zone_faults()])
         return self
 
     def _role_faults(self) -> Iterator[SectionFault]:
@@ -97,9 +102,24 @@ class Rig(Section):
         """Whether this process must simulate the bench."""
         return any(device.port == "simulated" for device in self.devices.values())
 
+    def _zone_faults(self) -> Iterator[SectionFault]:
+        axes = self.axes()
+        for number, entry in enumerate(self.collision_zones):
+            for role in entry.ranges_deg():
+                if role in axes and axes[role].wraps:
+                    yield (
+                        ("collision_zones", number, role),
+                        "wraps, so that its way is not known beforehand; allowed: axes with wraps: false",
+                    )
+
     @staticmethod
     def _share(one: DeviceEntry, other: DeviceEntry) -> bool:
         return one.driver == other.driver and None not in (one.place, other.place)
+
+    @property
+    def zones(self) -> tuple[Zone, ...]:
+        """What no path may enter."""
+        return tuple(entry.zone() for entry in self.collision_zones)
 
     @property
     def analyzer(self) -> AnalyzerEntry:

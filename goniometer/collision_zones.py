@@ -1,0 +1,61 @@
+"""Collision zones of a rig file, and whether a recipe's way leads through one."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator, Sequence
+from typing import Annotated, Self
+
+from pydantic import Field, model_validator
+
+from acquisition.expand import Step, Target
+from acquisition.section import Section, SectionFault, refuse_all
+from drivers.collision_zones import ArmsTooClose, Box, Span, Zone, free_order
+from goniometer.rig_devices.entry import ROLES, Angle
+
+Range = Annotated[tuple[Angle, Angle], Field(strict=False)]
+
+
+class ZoneEntry(Section):
+    """Angles at which parts of the bench would touch: arms too close to each other, or axes within ranges together."""
+
+    arms_closer_than_deg: float | None = Field(
+        default=None, gt=0, le=180, description="least angle between source arm and detector arm, in degrees"
+    )
+    source_arm: Range | None = Field(default=None, description="range of the source arm, in degrees")
+    detector_arm: Range | None = Field(default=None, description="range of the detector arm, in degrees")
+    sample_azimuth: Range | None = Field(default=None, description="range of the sample's azimuth, in degrees")
+
+    @model_validator(mode="after")
+    def _check(self) -> Self:
+        refuse_all(self._faults())
+        return self
+
+    def _faults(self) -> Iterator[SectionFault]:
+        if (self.arms_closer_than_deg is None) == (not self.ranges_deg()):
+            yield (), "needs arms_closer_than_deg, or ranges of one or more axes, and not both"
+        for role, (low, high) in self.ranges_deg().items():
+            if not low < high:
+                yield (role,), f"got [{low:g}, {high:g}]; allowed: the lowest angle, then a higher one"
+
+    def ranges_deg(self) -> dict[str, Span]:
+        """The ranges that were given, by role."""
+        ranges = {role: getattr(self, role) for role in ROLES}
+        return {role: span for role, span in ranges.items() if span is not None}
+
+    def zone(self) -> Zone:
+        """The zone itself."""
+        return Box(self.ranges_deg()) if self.arms_closer_than_deg is None else ArmsTooClose(self.arms_closer_than_deg)
+
+
+def first_blocked(steps: Sequence[Step], zones: Sequence[Zone]) -> tuple[Target, Target] | None:
+    """The first two places of a scan between which no order of moves keeps out of the zones; None when all are free."""
+    if not zones:
+        return None
+    places = [step.target for step in steps]
+    for here, there in itertools.pairwise([*places[:1], *places]):
+        standing_deg, going_deg = here.axes_deg, there.axes_deg
+        ways = {role: (angle_deg, going_deg[role]) for role, angle_deg in standing_deg.items()}
+        if free_order(zones, standing_deg, ways) is None:
+            return here, there
+    return None
