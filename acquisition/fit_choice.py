@@ -4,73 +4,23 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
 from typing import Annotated, Any, Literal, Self, get_args
 
 from pydantic import Field, model_validator
 
+from acquisition.fit_names import TAKES, WEIGHT, Lobe, SharedName, SurfaceName, domain
+from acquisition.fit_names import ParameterName as ParameterName
 from acquisition.section import Section, SectionFault, refuse_all
-from model.fit.quantities import quantity
 
-Lobe = Literal["specular", "diffuse", "directional"]
-SharedName = Literal["sigma", "n", "k", "asymmetry"]
-OwnName = Literal[
-    "specular.sigma",
-    "specular.n",
-    "specular.k",
-    "specular.asymmetry",
-    "diffuse.sigma",
-    "directional.sigma",
-    "directional.n",
-    "directional.k",
-]
-WeightName = Literal["rho_s", "rho_d", "rho_dd"]
-InstrumentName = Literal["incidence_offset_deg", "exit_offset_deg", "analyzer_offset_deg", "gain", "background_per_sr"]
-SurfaceName = Literal[SharedName, OwnName, WeightName]
-ParameterName = Literal[SurfaceName, InstrumentName]
 Pair = Annotated[tuple[float, float], Field(strict=False)]
 Tie = Annotated[tuple[SurfaceName, float], Field(strict=False)]
-
-_TAKES: Mapping[Lobe, tuple[SharedName, ...]] = {
-    "specular": ("sigma", "n", "k", "asymmetry"),
-    "diffuse": ("sigma",),
-    "directional": ("sigma", "n", "k"),
-}
-_WEIGHT: Mapping[Lobe, WeightName] = {"specular": "rho_s", "diffuse": "rho_d", "directional": "rho_dd"}
-_SENSIBLE = {"sigma": (1e-5, 10.0), "n": (0.05, 20.0), "k": (0.0, 100.0), "asymmetry": (0.0, 0.99)}
-"""What samples have, where the model would take more: what lies beyond was mistyped."""
-
-
-@dataclass(frozen=True)
-class _Domain:
-    """The values of a parameter that make sense: from `low` to `high`."""
-
-    meaning: str
-    low: float
-    high: float
-
-    def holds(self, value: float) -> bool:
-        return self.low <= value <= self.high
-
-    def __str__(self) -> str:
-        return f"from {self.low:g} to {self.high:g}" if math.isfinite(self.high) else f"{self.low:g} or above"
-
-
-def _domain(name: str) -> _Domain:
-    lobe, _, plain = name.rpartition(".")
-    if plain.endswith("_deg"):
-        kind = quantity(f"{plain.removesuffix('_deg')}_rad")
-        return _Domain(f"{kind.meaning}, in degrees", math.degrees(kind.lowest), math.degrees(kind.highest))
-    kind = quantity(plain)
-    low, high = _SENSIBLE.get(plain, (kind.lowest, kind.highest))
-    return _Domain(f"{kind.meaning}, for the {lobe} lobe alone" if lobe else kind.meaning, low, high)
 
 
 def by_parameter(what: str, names: Any, value: dict[str, Any]) -> dict[str, Any]:
     """JSON Schema of a mapping by parameter, so that editors complete the parameters' names."""
     return {
         "properties": {
-            name: {"description": f"{what} of the {_domain(name).meaning}: {_domain(name)}", **value}
+            name: {"description": f"{what} of the {domain(name).meaning}: {domain(name)}", **value}
             for name in get_args(names)
         },
         "additionalProperties": False,
@@ -160,7 +110,7 @@ class FitChoice(Section):
     @property
     def _free_weights(self) -> list[str]:
         """Weights that are free because nothing else is said."""
-        return [_WEIGHT[lobe] for lobe in self.lobes if _WEIGHT[lobe] not in self._given]
+        return [WEIGHT[lobe] for lobe in self.lobes if WEIGHT[lobe] not in self._given]
 
     @property
     def free_names(self) -> tuple[str, ...]:
@@ -186,20 +136,20 @@ class FitChoice(Section):
     def _missing_faults(self) -> Iterator[SectionFault]:
         given = self._given
         for name in ("sigma", "n", "k"):
-            if any(name in _TAKES[lobe] and not {name, f"{lobe}.{name}"} & given.keys() for lobe in self.lobes):
+            if any(name in TAKES[lobe] and not {name, f"{lobe}.{name}"} & given.keys() for lobe in self.lobes):
                 yield (
                     (),
-                    f"{name}, the {_domain(name).meaning}, stands neither in free nor in fixed; give its lowest and "
+                    f"{name}, the {domain(name).meaning}, stands neither in free nor in fixed; give its lowest and "
                     "highest value in free, or its value in fixed",
                 )
 
     def _surplus_faults(self) -> Iterator[SectionFault]:
         given = self._given
-        absent = [lobe for lobe in _TAKES if lobe not in self.lobes]
-        surplus: dict[str, str] = {_WEIGHT[lobe]: f"there is no {lobe} lobe in lobes; leave it out" for lobe in absent}
-        surplus |= {f"{lobe}.{name}": surplus[_WEIGHT[lobe]] for lobe in absent for name in _TAKES[lobe]}
+        absent = [lobe for lobe in TAKES if lobe not in self.lobes]
+        surplus: dict[str, str] = {WEIGHT[lobe]: f"there is no {lobe} lobe in lobes; leave it out" for lobe in absent}
+        surplus |= {f"{lobe}.{name}": surplus[WEIGHT[lobe]] for lobe in absent for name in TAKES[lobe]}
         for name in get_args(SharedName):
-            takers = [lobe for lobe in self.lobes if name in _TAKES[lobe]]
+            takers = [lobe for lobe in self.lobes if name in TAKES[lobe]]
             if not takers and name == "asymmetry":
                 surplus[name] = "only the specular lobe depends on asymmetry; leave it out"
             elif not takers:
@@ -215,11 +165,11 @@ class FitChoice(Section):
             low, high = bounds
             if not low < high:
                 yield ("free", name), f"got [{low:g}, {high:g}]; allowed: the lowest value, then a higher one"
-            elif not all(map(_domain(name).holds, bounds)):
-                yield ("free", name), f"got [{low:g}, {high:g}]; allowed: both {_domain(name)}"
+            elif not all(map(domain(name).holds, bounds)):
+                yield ("free", name), f"got [{low:g}, {high:g}]; allowed: both {domain(name)}"
         for name, value in self.fixed.items():
-            if not _domain(name).holds(value):
-                yield ("fixed", name), f"got {value:g}; allowed: {_domain(name)}"
+            if not domain(name).holds(value):
+                yield ("fixed", name), f"got {value:g}; allowed: {domain(name)}"
 
     def _tied_faults(self) -> Iterator[SectionFault]:
         for name, (other, factor) in self.tied.items():
@@ -227,9 +177,9 @@ class FitChoice(Section):
                 yield ("tied", name), f"is tied to {other}, which is not free; tie it to a parameter that is"
             elif factor <= 0.0:
                 yield ("tied", name), f"got the factor {factor:g}; allowed: a number greater than 0"
-            elif not all(_domain(name).holds(factor * bound) for bound in self.free.get(other, ())):
+            elif not all(domain(name).holds(factor * bound) for bound in self.free.get(other, ())):
                 low, high = (factor * bound for bound in self.free[other])
-                yield ("tied", name), f"could become {low:g} to {high:g} with {other}; allowed: {_domain(name)}"
+                yield ("tied", name), f"could become {low:g} to {high:g} with {other}; allowed: {domain(name)}"
 
     def _prior_faults(self) -> Iterator[SectionFault]:
         for name, (mean, stddev) in self.prior.items():
@@ -243,7 +193,7 @@ class FitChoice(Section):
 
     def _scale_faults(self) -> Iterator[SectionFault]:
         """A gain that data cannot tell from weights, and errors that equal weights do not have."""
-        weights = {_WEIGHT[lobe] for lobe in self.lobes}
+        weights = {WEIGHT[lobe] for lobe in self.lobes}
         is_known = weights & self.fixed.keys() or {"gain", *weights} & self.prior.keys()
         if self.objective != "stokes":
             yield from self.ratio_faults(f"the objective {self.objective}")
@@ -260,7 +210,7 @@ class FitChoice(Section):
         """What makes no sense where only ratios of light are compared; `what` is it that knows no more."""
         if "gain" in self.free:
             yield ("free", "gain"), f"{what} does not depend on the gain; leave it out"
-        weights = [_WEIGHT[lobe] for lobe in self.lobes]
+        weights = [WEIGHT[lobe] for lobe in self.lobes]
         if any(name in self.fixed for name in weights):
             return
         for group, named in (("free", self.free), ("prior", self.prior)):

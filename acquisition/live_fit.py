@@ -9,7 +9,7 @@ from types import TracebackType
 from typing import Self
 
 from acquisition.events import FitRefused, FitUpdated
-from acquisition.fit_points import FitArguments, dataset
+from acquisition.fit_points import FitArguments, dataset, named_in_degrees
 from acquisition.readings import StokesPoint
 from goniometer.errors import FitError
 from model.fit import Dataset, FitResult, SurfaceFamily, fit, follow
@@ -87,7 +87,8 @@ class LiveFit:
             result = follow(data, self._family, last, objective=how["objective"], robust=how["robust"])
             if result.chi_square <= _POOR_FIT * max(result.degrees_of_freedom, 1):
                 return result
-        return fit(data, self._family, **self._how)
+        with named_in_degrees():
+            return fit(data, self._family, **self._how)
 
 
 class _Collected:

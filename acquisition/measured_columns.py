@@ -127,7 +127,7 @@ def _check_angles(table: TextTable) -> None:
 def _check_brightness(table: TextTable, name: str) -> None:
     """Light is never negative; a measurement of darkness is, within its noise."""
     brightness, columns = table.columns[name], table.columns
-    if (brightness <= 0.0).all():
+    if (brightness <= 0.0).all() and brightness.any():
         table.add(table.header_line, f"column {name} is nowhere above 0, but light is; look at its sign")
         return
     variance = columns.get(covariance_of(name, name), columns.get(stderr_of(name), np.inf * np.ones(1)) ** 2)

@@ -11,7 +11,7 @@ from collections.abc import Callable, Sequence
 from acquisition.course import Choice, Situation
 from acquisition.events import DirectionChosen, Event, FitRefused, FitUpdated
 from acquisition.expand import HOME, Step, Visits
-from acquisition.fit_points import dataset, fit_arguments
+from acquisition.fit_points import dataset, fit_arguments, named_in_degrees
 from acquisition.readings import StokesPoint
 from acquisition.recipe import Recipe
 from acquisition.wanted import Judgement, judge, misfit
@@ -85,7 +85,8 @@ class Steering:
 
     def _fit(self, points: Sequence[StokesPoint]) -> FitResult | None:
         try:
-            result = self._searched(points)
+            with named_in_degrees():
+                result = self._searched(points)
         except FitError as error:
             self._refusal = str(error)
         except Exception as error:  # noqa: BLE001 (a fault of the fit must not cost the scan its readings)

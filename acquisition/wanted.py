@@ -66,15 +66,16 @@ def judge(result: FitResult, wanted: Mapping[str, float]) -> Judgement:
 
 
 def _excess(shown: FitResult, name: str, error: float) -> float:
-    """The standard error in units of the wanted one; infinite at a bound, where nobody knows it."""
+    """The standard error in units of the wanted one; infinite where nobody knows it."""
     stderr = shown.parameters[name].stderr
     return float("inf") if stderr is None else stderr / error
 
 
 def _standing(shown: FitResult, name: str, error: float) -> str:
-    stderr = shown.parameters[name].stderr
+    estimate = shown.parameters[name]
+    stderr = estimate.stderr
     if stderr is None:
-        return f"{name} at its bound"
+        return f"{name} {'at its bound' if estimate.at_bound else 'not determined'}"
     return f"{name} {stderr:.3g} {'<=' if stderr <= error else '>'} {error:g}"
 
 

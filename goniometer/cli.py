@@ -143,9 +143,7 @@ def fit(
             raise click.UsageError("--workers and --scheduler exclude each other: choose one.")
         from goniometer.many_fits.fit_many import fit_files
         from goniometer.many_fits.row import Asked
-        from goniometer.output_file import require_output
 
-        require_output(out, (".csv", ".parquet"), paths)
         asked = Asked(recipe, changes)
         many = fit_files(paths, out, asked, sys.stderr, workers=workers, scheduler=scheduler, resume=resume)
         if not many.all_fitted:

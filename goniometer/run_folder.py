@@ -11,7 +11,7 @@ from pathlib import Path
 import yaml
 
 from acquisition import journal
-from acquisition.fit_points import dataset, fit_arguments, surface_family
+from acquisition.fit_points import dataset, fit_arguments, named_in_degrees, surface_family
 from acquisition.journal import Journal
 from acquisition.nexus import write_nexus
 from acquisition.readings import Reading, StokesPoint
@@ -127,7 +127,8 @@ def load(folder: str | Path) -> StoredRun:
     run = measured(folder)
     choice, result, refusal = run.recipe.fit, None, ""
     try:
-        result = fit(dataset(run.points, run.folder.name), _family(run), **fit_arguments(choice))
+        with named_in_degrees():
+            result = fit(dataset(run.points, run.folder.name), _family(run), **fit_arguments(choice))
     except FitError as error:
         refusal = str(error)
     return StoredRun(**vars(run), fit=result, refusal=refusal, truth=scene_truth(run.about["scene"]))

@@ -55,6 +55,7 @@ def fit_json(fit: FitResult, choice: FitChoice, truth: Mapping[str, float], **mo
         "weakness": weakness,
         "alternatives": shown.alternatives,
         "outliers": shown.outliers,
+        "biased": shown.biased,
         "model": shown.description,
         **more,
     }

@@ -38,7 +38,11 @@ class Fitted:
 
     def json_text(self) -> str:
         """The fit as JSON."""
-        more = {"intervals": self.intervals} if self.intervals != Intervals() else {}
+        more: dict[str, Any] = {"intervals": self.intervals} if self.intervals != Intervals() else {}
+        if self.notes:
+            more["notes"] = self.notes
+        if self.data.lines is not None:
+            more["outlier_lines"] = [self.data.lines[outlier.row] for outlier in self.result.outliers]
         return fit_json(self.result, self.choice, self.truth, input=str(self.path), rows=len(self.data), **more)
 
     def write_json(self, path: Path) -> None:
@@ -79,7 +83,8 @@ def fit_one(
     """
     if recipe is None and not changes and (path.is_dir() or path.name == FILE_NAME):
         return _fit_again(path, profiled, bootstrapped)
-    given, notes = read_input(path), []
+    given = read_input(path)
+    notes = list(given.notes)
     if recipe is not None:
         given = with_recipe(given, recipe)
     choice = given.choice

@@ -11,13 +11,14 @@ import yaml
 from pydantic import BaseModel, ValidationError
 
 from acquisition.fit_choice import FitChoice
-from acquisition.fit_points import dataset, fit_arguments, surface_family
+from acquisition.fit_points import dataset, fit_arguments, named_in_degrees, surface_family
 from acquisition.journal import FILE_NAME
 from acquisition.measured_csv import read_measured_csv
 from acquisition.measured_nexus import read_measured_nexus
 from acquisition.recipe import Recipe
 from goniometer.errors import ConfigurationError, FitError, JournalError
 from goniometer.faults import model_faults
+from goniometer.fitting.doubts import doubts
 from goniometer.load_files import load_rig
 from goniometer.rig_file import Rig
 from goniometer.run_folder import measured, scene_truth
@@ -50,6 +51,8 @@ class FitInput:
         The acceptance of the detector that a run remembers; None for a bare file.
     truth : mapping of str to float
         The parameters of the sample that a run simulated; empty for a real one and for a bare file.
+    notes : tuple of str
+        What looks wrong in a table, though it can be fitted.
     """
 
     path: Path
@@ -57,6 +60,7 @@ class FitInput:
     choice: FitChoice | None
     acceptance_sr: float | None
     truth: Mapping[str, float] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
 
 
 def read_input(path: Path) -> FitInput:
@@ -88,7 +92,8 @@ def read_input(path: Path) -> FitInput:
         data, about = read_measured_nexus(path)
         return _remembered(FitInput(path, data, None, None), about)
     if path.suffix.lower() in TABLE_SUFFIXES:
-        return FitInput(path, read_measured_csv(path), None, None)
+        data = read_measured_csv(path)
+        return FitInput(path, data, None, None, notes=doubts(data))
     raise FitError(
         f"{path} is not something that can be fitted. Nothing was read. Name a run's folder, a NeXus file "
         f"({', '.join(NEXUS_SUFFIXES)}) or a table ({', '.join(TABLE_SUFFIXES)})."
@@ -116,14 +121,14 @@ def _remembered(given: FitInput, about: Mapping[str, str]) -> FitInput:
         ) from error
 
 
-class _WithFit(BaseModel):
-    """A file with a fit section, whatever else it holds."""
+class _FitAlone(BaseModel):
+    """A file with a fit section, and perhaps a rig."""
 
     fit: FitChoice
 
 
 def choice_from(path: Path) -> FitChoice:
-    """The fit section of a recipe, or of a file that holds nothing else; the rest of a recipe is not checked.
+    """The fit section of a recipe, or of a file that holds nothing else but perhaps a rig.
 
     Parameters
     ----------
@@ -133,13 +138,14 @@ def choice_from(path: Path) -> FitChoice:
     Raises
     ------
     ConfigurationError
-        Lists every fault with file and line.
+        Lists every fault with file and line, of a recipe those of the whole.
     """
     file = read_yaml(path)
     faults = list(file.faults)
     if file.data is not None:
         try:
-            choice = _WithFit.model_validate(file.data).fit
+            model = _FitAlone if file.data.keys() <= {"fit", "rig"} or "fit" not in file.data else Recipe
+            choice = model.model_validate(file.data).fit
         except ValidationError as error:
             faults += model_faults(error, file, "recipe")
     if faults:
@@ -204,7 +210,8 @@ def fit_input(given: FitInput, choice: FitChoice | None = None, *, seed: int = 0
     """
     choice = choice or given.choice or usual_choice(given.data)
     refuse_unanswerable(given, choice)
-    return fit(given.data, surface_family(choice, given.acceptance_sr), **fit_arguments(choice), seed=seed)
+    with named_in_degrees():
+        return fit(given.data, surface_family(choice, given.acceptance_sr), **fit_arguments(choice), seed=seed)
 
 
 def refuse_unanswerable(given: FitInput, choice: FitChoice) -> None:

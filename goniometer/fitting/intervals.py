@@ -2,20 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 
 from acquisition.fit_choice import FitChoice
-from acquisition.fit_points import in_radians, model_name, surface_family
+from acquisition.fit_points import in_radians, model_name, named_in_degrees, surface_family
 from goniometer.errors import ConfigurationError
-from goniometer.plus_minus import plus_minus
+from goniometer.plus_minus import number_and_error
 from model.fit import Dataset, FitResult
 from model.fit.bootstrap import bootstrap
 from model.fit.profile import profile
 
 _PROBABILITY = 0.95
+_FEWEST = 40
+"""Fits of which one lies beyond each end of an interval: fewer have no such ends."""
+_END = 2.67
+"""Of N normal samples the standard error of the quantiles at 2.5 and 97.5 %, in standard deviations over √N."""
 
 
 @dataclass(frozen=True)
@@ -27,7 +31,7 @@ class Intervals:
     profiles : dict of str to (low, high)
         Where the likelihood says so.
     scatter : dict of str to (low, high)
-        Where fits to data made anew say so.
+        Where fits to data made anew say so; empty if they are too few.
     scatter_stderr : dict of str to float
         Standard deviation of these fits.
     count : int
@@ -44,10 +48,23 @@ class Intervals:
         lines = [
             f"{name}: from {low:.6g} to {high:.6g}, says its profile." for name, (low, high) in self.profiles.items()
         ]
-        for name, (low, high) in self.scatter.items():
-            middle = plus_minus(0.5 * (low + high), self.scatter_stderr[name])
-            lines.append(f"{name}: from {low:.6g} to {high:.6g}, say {self.count} fits to data made anew ({middle}).")
-        return ["With 95 % probability", *lines] if lines else []
+        lines += [self._scattered(name, low, high) for name, (low, high) in self.scatter.items()]
+        lines = ["With 95 % probability", *lines] if lines else []
+        return lines if self.scatter or not self.count else [*lines, *self._scattered_alone()]
+
+    def _scattered(self, name: str, low: float, high: float) -> str:
+        doubt = _END / self.count**0.5 * self.scatter_stderr[name]
+        (first, error), (last, _) = (number_and_error(end, doubt) for end in (low, high))
+        ends = f"from {first} to {last}, each end ± {error}" if error else f"from {low:.6g} to {high:.6g}"
+        return f"{name}: {ends}, say {self.count} fits to data made anew."
+
+    def _scattered_alone(self) -> Iterator[str]:
+        share = 100.0 / (2.0 * (self.count - 1)) ** 0.5
+        yield (
+            f"{self.count} fits to data made anew scatter by (standard deviations, each known to {share:.0f} %; for an "
+            f"interval of 95 % ask for 200 fits, and at least {_FEWEST})"
+        )
+        yield from (f"{name}: {spread:.1g}" for name, spread in self.scatter_stderr.items())
 
 
 def intervals(
@@ -88,15 +105,18 @@ def intervals(
         raise ConfigurationError([f"--profile {name}: the fit has {', '.join(result.parameters)}." for name in missing])
     family = surface_family(choice, acceptance_sr)
     profiles, scatter, stderr = {}, {}, {}
-    for name in profiled:
-        low, high = profile(data, family, result, model_name(name), objective=choice.objective).interval(_PROBABILITY)
+    with named_in_degrees():
+        found = {name: profile(data, family, result, model_name(name), objective=choice.objective) for name in profiled}
+        anew = bootstrap(data, family, result, count=count, objective=choice.objective) if count else None
+    for name, followed in found.items():
+        low, high = followed.interval(_PROBABILITY)
         profiles[name] = _shown(name, low), _shown(name, high)
-    if count:
-        anew = bootstrap(data, family, result, count=count, objective=choice.objective)
+    if anew:
         for model, spread in anew.stderr.items():
             name = known.get(model, model)
-            low, high = anew.interval(model, _PROBABILITY)
-            scatter[name] = _shown(name, low), _shown(name, high)
+            if count >= _FEWEST:
+                low, high = anew.interval(model, _PROBABILITY)
+                scatter[name] = _shown(name, low), _shown(name, high)
             stderr[name] = _shown(name, spread)
     return Intervals(profiles, scatter, stderr, count)
 

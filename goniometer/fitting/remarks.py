@@ -38,12 +38,40 @@ def remarks(fit: FitResult, data: Dataset | None = None) -> list[str]:
         One remark each; that on outliers has several lines.
     """
     shown = in_degrees(fit)
-    return [*_held(shown), *_open(fit), *_weakness(shown), *_alternatives(shown), *_outliers(shown, data)]
+    return [
+        *_held(shown),
+        *_biased(shown, data),
+        *_undetermined(shown),
+        *_open(fit),
+        *_weakness(shown),
+        *_alternatives(shown),
+        *_outliers(shown, data),
+    ]
 
 
 def _held(fit: FitResult) -> Iterator[str]:
     for name, value in fit.held.items():
         yield f"Ratios of light have no scale: {name} was held at {value:g}, and whatever adds to light counts in it."
+
+
+def _biased(fit: FitResult, data: Dataset | None) -> Iterator[str]:
+    if not fit.biased:
+        return
+    remedy = "measure longer there"
+    if data is None or data.observable.has_scale:
+        remedy = "fit with --objective stokes, which has no such bias"
+    yield (
+        f"In {fit.biased} of {len(fit.fitted)} directions S0 or the degree of polarization is less than 5 standard "
+        f"errors: there noise makes ratios, most of all the DoLP, too large. The parameters may be biased; {remedy}."
+    )
+
+
+def _undetermined(fit: FitResult) -> Iterator[str]:
+    names = [name for name, estimate in fit.parameters.items() if estimate.stderr is None and not estimate.at_bound]
+    if names and fit.degrees_of_freedom > 0:
+        others = " The errors of the others allow for that." if fit.names else ""
+        each = "it" if len(names) == 1 else "each of them"
+        yield f"The data do not determine {_listed(names)}: {each} could be anything between its bounds.{others}"
 
 
 def _open(fit: FitResult) -> Iterator[str]:
@@ -100,14 +128,19 @@ def _outliers(fit: FitResult, data: Dataset | None) -> Iterator[str]:
         return
     shown = fit.outliers[:_MOST_OUTLIERS]
     lines = [
-        f"  row {outlier.row}{_direction(data, outlier.row)}: {outlier.deviations:.1f} standard deviations"
+        f"  {_place(data, outlier.row)}{_direction(data, outlier.row)}: {outlier.deviations:.1f} standard deviations"
         for outlier in shown
     ]
     more = len(fit.outliers) - len(shown)
     if more:
         lines.append(f"  and {more} more")
-    head = f"Too far from the fit for their errors, of {len(fit.fitted)} rows counted from 0: {len(fit.outliers)}"
+    counted = " counted from 0" if data is None or data.lines is None else ""
+    head = f"Too far from the fit for their errors, of {len(fit.fitted)} rows{counted}: {len(fit.outliers)}"
     yield "\n".join([head, *lines])
+
+
+def _place(data: Dataset | None, row: int) -> str:
+    return f"row {row}" if data is None else data.place(row)
 
 
 def _direction(data: Dataset | None, row: int) -> str:

@@ -58,6 +58,11 @@ def comparable_truth(fit: FitResult, truth: Mapping[str, float]) -> dict[str, fl
 
 def quality(fit: FitResult) -> str:
     """Chi-square, and what it says of the model and of the errors, in a few sentences."""
+    if is_without_errors(fit):
+        return (
+            "The data came without errors, and there are no more of them than parameters: nothing shows how well any "
+            "parameter is known, nor whether the model is right. Measure more directions, or give standard errors."
+        )
     if fit.degrees_of_freedom < 1:
         return (
             f"Chi-square {fit.chi_square:.3g} with no degrees of freedom: there are no more data than parameters, so "
@@ -81,6 +86,12 @@ def quality(fit: FitResult) -> str:
         f"Chi-square {fit.chi_square:.5g} for {fit.degrees_of_freedom} degrees of freedom "
         f"({per_degree:.3g} per degree, p-value {fit.p_value:.2g}): {verdict}.{_at_bounds(fit)}"
     )
+
+
+def is_without_errors(fit: FitResult) -> bool:
+    """Whether nothing tells how well any parameter is known: neither errors of the data nor their scatter."""
+    undetermined = any(not estimate.at_bound for estimate in fit.parameters.values())
+    return fit.degrees_of_freedom < 1 and not fit.names and undetermined
 
 
 def _at_bounds(fit: FitResult) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
@@ -12,6 +13,8 @@ from goniometer.errors import ConfigurationError, GoniometerError
 from goniometer.many_fits.row import Asked, Row, crashed, fit_row
 
 _CONNECTED_WITHIN_S = 20
+# Given any other, Dask says what is wrong, but then waits for most of a minute.
+_ADDRESS = re.compile(r"(tcp|tls)://[^/\s]+:\d{1,5}")
 
 
 def fitted_on(scheduler: str, paths: Iterable[Path], asked: Asked) -> Iterator[tuple[Path, Row]]:
@@ -31,12 +34,16 @@ def fitted_on(scheduler: str, paths: Iterable[Path], asked: Asked) -> Iterator[t
     Raises
     ------
     ConfigurationError
-        If Dask is not installed here, or this program not on the workers.
+        If the address is none, Dask is not installed here, or this program not on the workers.
     GoniometerError
         If the scheduler cannot be reached, has no worker, or is lost.
     """
+    if not _ADDRESS.fullmatch(scheduler):
+        raise ConfigurationError(
+            [f"--scheduler is '{scheduler}'; write tcp://HOST:PORT, as `dask scheduler` says it. Nothing was fitted."]
+        )
     try:
-        from distributed import Client, as_completed
+        from distributed import Client, Security, as_completed
     except ImportError as error:
         raise ConfigurationError(
             [
@@ -44,6 +51,13 @@ def fitted_on(scheduler: str, paths: Iterable[Path], asked: Asked) -> Iterator[t
                 "Run: pip install 'goniometer[distributed]', or leave --scheduler out."
             ]
         ) from error
+    if scheduler.startswith("tls") and Security().get_connection_args("client")["ssl_context"] is None:
+        raise ConfigurationError(
+            [
+                f"--scheduler is {scheduler}, but Dask has no certificates here. Nothing was fitted. Name them in its "
+                "configuration (distributed.comm.tls)."
+            ]
+        )
     try:
         client = Client(scheduler, timeout=_CONNECTED_WITHIN_S, set_as_default=False)
     except (OSError, ValueError) as error:

@@ -57,9 +57,10 @@ def fit_files(
     Parameters
     ----------
     paths : sequence of Path
-        Runs, NeXus files and tables.
+        Runs, NeXus files and tables. What is named twice is fitted once, and has two rows. The table of an earlier run
+        and what is stored beside it, which a glob may find, are left out.
     out : Path
-        The table, a .csv or .parquet file.
+        The table, a .csv or .parquet file; what stands there may only be the table of an earlier run.
     asked : Asked
         What to fit.
     terminal : text stream
@@ -74,7 +75,8 @@ def fit_files(
     Raises
     ------
     ConfigurationError
-        If the recipe or the name of the table cannot be used, or an earlier run left fits and `resume` is not asked.
+        If the recipe or the name of the table cannot be used, an earlier run left fits and `resume` is not asked, or
+        there is no input.
     GoniometerError
         If the cluster cannot be used, or a file not be written.
     """
@@ -89,6 +91,7 @@ def fit_files(
                 "the file to begin anew."
             ]
         )
+    paths = _without(paths, (out, kept), terminal)
     inputs = {path: Input.now(path) for path in paths}
     done = ProgressFile(kept, asked)
     rows = _stored(done, inputs)
@@ -101,14 +104,32 @@ def fit_files(
                 advance()
     except (GoniometerError, KeyboardInterrupt) as error:
         with ProgressFile(kept, asked) as stored:
-            how = f"{len(_stored(stored, inputs))} of {len(inputs)} inputs are done, and stored in {kept}."
+            count = len(_stored(stored, inputs))
+        how = f"{count} of {len(inputs)} inputs are done, and stored in {kept}. Go on with --resume."
         if isinstance(error, KeyboardInterrupt):
-            print(how, "Go on with --resume.", file=terminal)  # nobody shows its notes
-        error.add_note(f"{how} Go on with --resume.")
+            print(how, file=terminal)  # nobody shows its notes
+        elif count:
+            error.add_note(how)
+        if not kept.stat().st_size:
+            kept.unlink()
         raise
     pairs = [(path, rows[path]) for path in paths]
     write_table(out, pairs)
     return ManyFitted(out, Counter(row["status"] for _, row in pairs), tuple(_troubles(pairs)))
+
+
+def _without(paths: Sequence[Path], own: Sequence[Path], terminal: TextIO) -> list[Path]:
+    """Inputs less the files that this command writes."""
+    written = {path.resolve() for path in own}
+    inputs = [path for path in paths if path.resolve() not in written]
+    left_out = list(dict.fromkeys(str(path) for path in paths if path.resolve() in written))
+    if left_out:
+        print(f"{' and '.join(left_out)}: left out, for it is what this command writes.", file=terminal)
+    if not inputs:
+        raise ConfigurationError(["No input is left. Nothing was fitted. Name runs, NeXus files or tables."])
+    if len(set(inputs)) < len(inputs):
+        print(f"{len(inputs) - len(set(inputs))} inputs are named again; each is fitted once.", file=terminal)
+    return inputs
 
 
 def _stored(done: ProgressFile, inputs: Mapping[Path, Input]) -> dict[Path, Row]:

@@ -62,20 +62,16 @@ class ProgressFile:
         self._asked = _digest(asked)
         self._done: dict[tuple[Any, ...], Row] = {}
         try:
-            lines = self._whole_lines() if path.exists() else []
+            content = path.read_bytes() if path.exists() else b""
+            end = content.rfind(b"\n") + 1
+            self._take(content[:end])
+            if end < len(content):
+                os.truncate(path, end)  # the program was ended while it wrote: that input is done again
             self._file = path.open("ab", buffering=0)
+        except JournalError:
+            raise
         except OSError as error:
             raise self._trouble("opened", error) from error
-        for number, text in enumerate(lines, start=1):
-            try:
-                line = json.loads(text)
-                self._done[_key(line)] = line["row"] if line["row"]["status"] else {}
-            except (ValueError, KeyError, TypeError) as error:
-                self._file.close()
-                raise JournalError(
-                    f"{path}, line {number}, is not a stored fit. Nothing was fitted. Remove the line, or the file, "
-                    "to have what it holds done again."
-                ) from error
 
     def row(self, given: Input) -> Row | None:
         """What became of an input; None if it is not done, was another then, or the program failed on it."""
@@ -91,7 +87,7 @@ class ProgressFile:
             If the disk does not take it.
         """
         line = {**self._about(given), "row": row}
-        text = (json.dumps(line, ensure_ascii=False, allow_nan=False) + "\n").encode()
+        text = (json.dumps(line, allow_nan=False) + "\n").encode()
         try:
             if self._file.write(text) != len(text):
                 raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
@@ -118,12 +114,16 @@ class ProgressFile:
             "asked": self._asked,
         }
 
-    def _whole_lines(self) -> list[bytes]:
-        content = self.path.read_bytes()
-        end = content.rfind(b"\n") + 1
-        if end < len(content):
-            os.truncate(self.path, end)  # the program was ended while it wrote: that input is done again
-        return content[:end].splitlines()
+    def _take(self, content: bytes) -> None:
+        for number, text in enumerate(content.splitlines(), start=1):
+            try:
+                line = json.loads(text)
+                self._done[_key(line)] = line["row"] if line["row"]["status"] else {}
+            except (ValueError, KeyError, TypeError) as error:
+                raise JournalError(
+                    f"{self.path}, line {number}, is not a stored fit. Nothing was fitted. Remove the line, or the "
+                    "file, to have what it holds done again."
+                ) from error
 
     def _trouble(self, what: str, error: OSError) -> JournalError:
         return JournalError(

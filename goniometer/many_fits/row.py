@@ -9,6 +9,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from goniometer.many_fits.message import in_a_cell
+
 if TYPE_CHECKING:
     from model.fit import FitResult
 
@@ -57,11 +59,12 @@ def fit_row(path: Path, asked: Asked) -> Row:
         if choice is None:
             choice = usual_choice(given.data)
             message = f"The input does not say what to fit; the lobes are {', '.join(choice.lobes)}, all else is free."
+        message = " ".join(filter(None, (message, *given.notes)))
         result = fit_input(given, overridden(choice, **asked.changes))
     except (GoniometerError, OSError) as error:
-        return {"status": status, "message": str(error)}
+        return {"status": status, "message": in_a_cell(str(error), path)}
     except Exception as error:  # noqa: BLE001 (one input that nobody foresaw must not end the others)
-        return crashed(f"{type(error).__name__}: {error}")
+        return crashed(in_a_cell(f"{type(error).__name__}: {error}", path))
     return {"status": OK, "message": message, **_numbers(result)}
 
 

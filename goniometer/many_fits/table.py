@@ -12,10 +12,17 @@ from goniometer.errors import ConfigurationError, JournalError
 from goniometer.many_fits.row import MEASURES, Row
 
 CSV, PARQUET = ".csv", ".parquet"
+_FIRST = ("path", "status", "message")
 
 
 def require_table(out: Path) -> None:
-    """Raise ConfigurationError unless a table can be written into a file of this name."""
+    """Refuse a file that no table can be written into, or that holds anything but an earlier table of many fits.
+
+    Raises
+    ------
+    ConfigurationError
+        If it is so.
+    """
     if out.suffix.lower() not in (CSV, PARQUET):
         raise ConfigurationError(
             [f"--out is {out}; a table of many fits is a {CSV} or a {PARQUET} file. Nothing was fitted."]
@@ -29,6 +36,32 @@ def require_table(out: Path) -> None:
         )
     if not out.parent.is_dir():
         raise ConfigurationError([f"--out is {out}; the folder {out.parent} does not exist. Nothing was fitted."])
+    if out.is_dir() or (out.exists() and out.stat().st_size and not is_table(out)):
+        raise ConfigurationError(
+            [
+                f"--out is {out}, which is there already and is no table of many fits. Nothing was fitted, and it is "
+                "as it was. Choose another name, or move it away."
+            ]
+        )
+
+
+def is_table(path: Path) -> bool:
+    """Whether a file is a table of many fits, by its first columns."""
+    if path.suffix.lower() == PARQUET:
+        return _is_parquet_table(path)
+    start = ",".join(_FIRST).encode() + b","
+    with path.open("rb") as file:
+        return file.read(len(start)) == start
+
+
+def _is_parquet_table(path: Path) -> bool:
+    import pyarrow
+    from pyarrow import parquet
+
+    try:
+        return tuple(parquet.read_schema(path).names[: len(_FIRST)]) == _FIRST
+    except pyarrow.ArrowInvalid:
+        return False
 
 
 def write_table(out: Path, rows: Sequence[tuple[Path, Row]]) -> None:
@@ -64,11 +97,8 @@ def write_table(out: Path, rows: Sequence[tuple[Path, Row]]) -> None:
 
 
 def _columns(rows: Sequence[tuple[Path, Row]]) -> dict[str, list[Any]]:
-    columns: dict[str, list[Any]] = {
-        "path": [str(path) for path, _ in rows],
-        "status": [row["status"] for _, row in rows],
-        "message": [row["message"] for _, row in rows],
-    }
+    first = [[_readable(str(path)), row["status"], _readable(row["message"])] for path, row in rows]
+    columns: dict[str, list[Any]] = {name: [cells[place] for cells in first] for place, name in enumerate(_FIRST)}
     for name in dict.fromkeys(name for _, row in rows for name in row.get("parameters", {})):
         estimates = [row.get("parameters", {}).get(name, (None, None, None)) for _, row in rows]
         for place, column in enumerate((name, f"{name}_stderr", f"{name}_at_bound")):
@@ -76,6 +106,11 @@ def _columns(rows: Sequence[tuple[Path, Row]]) -> dict[str, list[Any]]:
     for name in MEASURES:
         columns[name] = [row.get(name) for _, row in rows]
     return columns
+
+
+def _readable(text: str) -> str:
+    """A text without what no encoding has: bytes of a file's name that are no text, as their numbers."""
+    return text.encode(errors="backslashreplace").decode()
 
 
 def _write_csv(path: Path, columns: Mapping[str, list[Any]]) -> None:
@@ -101,7 +136,7 @@ def _write_parquet(path: Path, columns: Mapping[str, list[Any]]) -> None:
     from pyarrow import parquet
 
     text, truth, whole = pyarrow.string(), pyarrow.bool_(), pyarrow.int64()
-    kinds = {"path": text, "status": text, "message": text, "degrees_of_freedom": whole}
+    kinds = {**dict.fromkeys(_FIRST, text), "degrees_of_freedom": whole}
     arrays = {
         name: pyarrow.array(values, kinds.get(name, truth if name.endswith("_at_bound") else pyarrow.float64()))
         for name, values in columns.items()

@@ -11,6 +11,8 @@ from model.geometry import FloatArray
 
 _AT_BOUND, _BESIDE = 1e-6, 1e-2
 _CERTAIN = 1e-2
+# An error as many times larger than all weights together leaves a weight open that nothing bounds.
+_ALL_WEIGHTS = 100.0
 # How far, as a share of its range, a start is moved off a bound: near k = 0 the slope by k is about 0 whatever the data
 # say.
 _OFF_BOUND = 0.02
@@ -38,14 +40,27 @@ def is_held(problem: Problem, x: FloatArray, gradient: FloatArray, lengths2: Flo
     return held
 
 
+def reach(problem: Problem, x: FloatArray) -> FloatArray:
+    """How far parameters (b, P) can differ at all: the width of their bounds; of a weight without, many times all."""
+    weights = np.where(problem.is_weight, x, 0.0).sum(axis=1, keepdims=True)
+    unbounded = np.where(problem.is_weight & (weights > 0.0), _ALL_WEIGHTS * weights, np.inf)
+    width = problem.high - problem.low
+    return np.where(np.isfinite(width), width, unbounded)
+
+
+def is_beside(problem: Problem, x: FloatArray) -> NDArray[np.bool_]:
+    """Which parameters (b, P) are close to one of two bounds, as far apart as these are."""
+    width = problem.high - problem.low
+    beside: NDArray[np.bool_] = np.isfinite(width) & (np.minimum(x - problem.low, problem.high - x) < _BESIDE * width)
+    return beside
+
+
 def is_vague(problem: Problem, x: FloatArray, stderr: FloatArray) -> NDArray[np.bool_]:
     """Which parameters (b, P) are beside a bound, with an error beyond all bounds: one that says nothing.
 
     So it is with k beside 0, where reflectance goes with k².
     """
-    width = problem.high - problem.low
-    beside = np.minimum(x - problem.low, problem.high - x) < _BESIDE * width
-    vague: NDArray[np.bool_] = (stderr > width) & beside & np.isfinite(width)
+    vague: NDArray[np.bool_] = is_beside(problem, x) & (stderr > problem.high - problem.low)
     return vague
 
 

@@ -18,6 +18,8 @@ from model.geometry import FloatArray
 Objective = Literal["stokes", "normalised", "dolp", "rms"]
 OBJECTIVES: tuple[Objective, ...] = ("stokes", "normalised", "dolp", "rms")
 _ANGLES = ("incidence_rad", "exit_rad", "azimuth_rad")
+# Of correlations, what rounding may make of an eigenvalue of 0.
+_DEFINITE = 1e-13
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,6 +39,8 @@ class Dataset:
         What was measured.
     name : str
         What the data are called in messages, such as their file.
+    lines : ndarray of int or None
+        Shape (N,): in which line of that file each row stands; None if it is no text.
 
     Raises
     ------
@@ -51,6 +55,7 @@ class Dataset:
     covariance: FloatArray | None = None
     observable: Observable = Elements()  # noqa: RUF009 (frozen)
     name: str = "the data"
+    lines: NDArray[np.int64] | None = None
 
     def __post_init__(self) -> None:
         count, width = len(self.values), len(self.observable.columns)
@@ -71,13 +76,13 @@ class Dataset:
             self._refuse_rows(~finite.all(axis=1), f"{self._what(name, finite)} is not a finite number")
         for name in ("incidence_rad", "exit_rad"):
             values = getattr(self, name)
-            self._refuse_rows((values < 0.0) | (values >= np.pi / 2.0), f"{name} is not from 0 to below pi/2")
+            angle = f"the {name.removesuffix('_rad')} angle"
+            self._refuse_rows((values < 0.0) | (values >= np.pi / 2.0), f"{angle} is not from 0 to below 90°")
         if self.covariance is not None:
             asymmetric = np.abs(self.covariance - np.swapaxes(self.covariance, -1, -2)).max(axis=(1, 2), initial=0.0)
             scale = np.abs(self.covariance).max(axis=(1, 2), initial=0.0)
             self._refuse_rows(asymmetric > 1e-9 * scale, "the covariance is not symmetric")
-            smallest = np.linalg.eigvalsh(self.covariance)[:, 0]
-            self._refuse_rows(smallest <= 0.0, "the covariance is not positive definite")
+            self._refuse_rows(~is_positive_definite(self.covariance), "the covariance is not positive definite")
 
     def __len__(self) -> int:
         return len(self.values)
@@ -91,7 +96,8 @@ class Dataset:
         """The data of some rows alone."""
         picked = {name: getattr(self, name)[rows] for name in (*_ANGLES, "values")}
         covariance = None if self.covariance is None else self.covariance[rows]
-        return replace(self, covariance=covariance, **picked)
+        lines = None if self.lines is None else self.lines[rows]
+        return replace(self, covariance=covariance, lines=lines, **picked)
 
     def joined(self, later: Dataset) -> Dataset:
         """These rows and those of other data of the same kind, which need not be looked over again.
@@ -104,6 +110,7 @@ class Dataset:
         if later.observable != self.observable or (later.covariance is None) != (self.covariance is None):
             raise ValueError("only data of the same columns, both with errors or both without, can be joined.")
         both = copy.copy(self)
+        object.__setattr__(both, "lines", None)
         for name in (*_ANGLES, "values", "covariance", "whitener"):
             if getattr(self, name) is not None:
                 object.__setattr__(both, name, np.concatenate([getattr(self, name), getattr(later, name)]))
@@ -161,8 +168,12 @@ class Dataset:
 
     def _transformed(self, target: Observable) -> tuple[FloatArray, FloatArray]:
         """Values (N, M') of another observable, and their derivatives (N, M', M) by the values measured."""
-        self._refuse_rows(self.values[:, 0] <= 0.0, "the first element is not above 0, so that nothing can be divided")
         measured = self.observable
+        self._refuse_rows(
+            self.values[:, 0] <= 0.0,
+            f"{measured.columns[0]} is not above 0, so that nothing can be divided by it",
+            "Fit with the objective stokes, which takes the values as they are; or leave the row out.",
+        )
         assert isinstance(measured, Elements), "only elements can be made into something else"
         light = np.zeros((target.elements, len(self)))
         slopes = np.zeros((len(measured.picked), *light.shape))
@@ -181,13 +192,28 @@ class Dataset:
             return name
         return self.observable.columns[int(np.argmin(finite.all(axis=0)))]
 
-    def _refuse_rows(self, bad: NDArray[np.bool_], what: str) -> None:
+    def place(self, row: int) -> str:
+        """Where a row stands, for a person: its line in a file of text, else its number, counted from 0."""
+        return f"row {row}" if self.lines is None else f"line {self.lines[row]}"
+
+    def _refuse_rows(
+        self, bad: NDArray[np.bool_], what: str, remedy: str = "Leave the row out or measure it again."
+    ) -> None:
         if bad.any():
             row = int(np.argmax(bad))
             angles = (np.degrees(angle[row]) for angle in self.directions)
             where = "incidence {:.6g}°, exit {:.6g}°, azimuth {:.6g}°".format(*angles)
             others = f", and {int(bad.sum()) - 1} more" if bad.sum() > 1 else ""
             raise FitError(
-                f"Row {row} of {self.name} ({where}){others}: {what}. Nothing was fitted. "
-                f"Leave the row out or measure it again."
+                f"{self.place(row).capitalize()} of {self.name} ({where}){others}: {what}. Nothing was fitted. {remedy}"
             )
+
+
+def is_positive_definite(covariance: FloatArray) -> NDArray[np.bool_]:
+    """Which covariances (..., M, M) leave no sum of values without an error, whatever units the values are in."""
+    variance = np.einsum("...ii->...i", covariance)
+    above = (variance > 0.0).all(axis=-1)
+    stderr = np.sqrt(np.where(above[..., None], variance, 1.0))
+    correlation = covariance / (stderr[..., :, None] * stderr[..., None, :])
+    definite: NDArray[np.bool_] = above & (np.linalg.eigvalsh(correlation)[..., 0] > _DEFINITE)
+    return definite

@@ -6,14 +6,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from model.fit.observable import MUELLER, Observable
+from model.fit.observable import MUELLER, RatioObservable
 from model.geometry import FloatArray
 
 _M01, _M22, _M32 = 1, 10, 14
 
 
 @dataclass(frozen=True)
-class Ellipsometric(Observable):
+class Ellipsometric(RatioObservable):
     """Psi and delta, in rad, of light that is reflected in the plane of incidence: r_p/r_s = tan(psi) exp(i delta).
 
     Psi is from 0 to pi/2. Delta is counted as ellipsometers do, for N = n - ik: of a bare surface it is from 0 to pi
@@ -35,11 +35,6 @@ class Ellipsometric(Observable):
         """Names of the values."""
         return ("psi", "delta") if self.has_delta else ("psi",)
 
-    @property
-    def has_scale(self) -> bool:
-        """Whether the values say how much light there is: not these."""
-        return False
-
     def of(self, light: FloatArray, slopes: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Values and derivatives; see `Observable.of`."""
         n, c, s = (light[..., place, :] for place in (_M01, _M22, _M32))
@@ -58,6 +53,20 @@ class Ellipsometric(Observable):
         delta_slope = (c1 * ds - s1 * dc) * toward[..., None, :]
         values = np.stack([psi, wrapped(np.arctan2(s, c))], axis=-2)
         return values, np.stack([psi_slope, delta_slope], axis=-2)
+
+    def condition(self, light: FloatArray, measured: FloatArray) -> FloatArray:
+        """What light with these psi and delta obeys; see `RatioObservable.condition`."""
+        n, c, s = light[:, _M01], light[:, _M22], light[:, _M32]
+        across = np.hypot(c, s)
+        twice = 2.0 * np.hypot(n, across)
+        condition = np.zeros((len(light), len(self.columns), *light.shape[1:]))
+        cosine, sine = np.cos(2.0 * measured[:, 0]), np.sin(2.0 * measured[:, 0])
+        condition[:, 0, _M01] = -sine / twice
+        condition[:, 0, _M22], condition[:, 0, _M32] = cosine * c / (across * twice), cosine * s / (across * twice)
+        if self.has_delta:
+            condition[:, 1, _M22] = -np.sin(measured[:, 1]) / across
+            condition[:, 1, _M32] = np.cos(measured[:, 1]) / across
+        return condition
 
 
 def wrapped(delta_rad: FloatArray) -> FloatArray:

@@ -3,20 +3,18 @@
 from __future__ import annotations
 
 import copy
-import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 from model.acceptance import Acceptance
-from model.bounce_bound import Tolerance
-from model.fit.quantities import INSTRUMENT, NOMINAL, is_weight, quantity
-from model.lobes import Diffuse, Directional, Lobe, Specular
+from model.fit.family_faults import family_faults
+from model.fit.quantities import INSTRUMENT, NOMINAL, is_weight, kind_of, quantity
+from model.lobes import Lobe
 from model.surface import Surface
 
 WEIGHTS = {"specular": "rho_s", "diffuse": "rho_d", "directional": "rho_dd"}
-_SHAPES = {"specular": ("sigma", "n", "k"), "diffuse": ("sigma",), "directional": ("sigma", "n", "k")}
-_UNIT_INDEX = complex(1.5, 0.0)
+"""The weight of each kind of lobe."""
 
 
 @dataclass(frozen=True)
@@ -55,7 +53,7 @@ class SurfaceFamily:
     detector_half_angle_rad: float = 0.0
 
     def __post_init__(self) -> None:
-        faults = [*self._name_faults(), *self._value_faults()]
+        faults = list(family_faults(self))
         if faults:
             raise ValueError("; ".join(faults) + ".")
 
@@ -150,113 +148,6 @@ class SurfaceFamily:
         """The same family without the detector's cone: fast, and close but for the mirror direction itself."""
         return replace(self, detector_half_angle_rad=0.0)
 
-    def _known(self) -> list[str]:
-        own = [f"{kind_of(lobe)}.{name}" for lobe in self.lobes for name in lobe.values]
-        return [*self.surface.parameters, *own, *INSTRUMENT]
-
-    def _name_faults(self) -> Iterator[str]:
-        known = self._known()
-        groups = {"free": self.free, "fixed": self.fixed, "tied": self.tied}
-        for group, names in groups.items():
-            for name in names:
-                if name not in known:
-                    yield f"{group} names '{name}'; this surface and its instrument have {sorted(set(known))}"
-        for name in dict.fromkeys([*self.free, *self.fixed, *self.tied]):
-            found = [group for group, names in groups.items() if name in names]
-            if len(found) > 1:
-                yield f"{name} stands in {' and in '.join(found)}; it must stand in one of them"
-        for name, (other, _) in self.tied.items():
-            if other not in self.free:
-                yield f"{name} is tied to {other}, which is not free"
-            if name in INSTRUMENT or other in INSTRUMENT:
-                yield f"{name} is tied to {other}; only parameters of the surface can be tied"
-        for name in self.prior:
-            if name not in self.free:
-                yield f"a prior is given for {name}, which is not free"
-        if any(isinstance(lobe, Specular) and isinstance(lobe.bounces, Tolerance) for lobe in self.lobes):
-            yield "the specular lobe follows bounces to a tolerance; a fit needs a number of bounces"
-
-    def _value_faults(self) -> Iterator[str]:
-        for name, (low, high) in self.free.items():
-            if not low < high:
-                yield f"free bounds of {name} are [{low:g}, {high:g}]; they must increase"
-            elif not (_is_possible(name, low) and _is_possible(name, high)):
-                yield f"free bounds of {name} are [{low:g}, {high:g}]; {_allowed(name)}"
-        for name, value in self.fixed.items():
-            if not _is_possible(name, value):
-                yield f"fixed {name} is {value:g}; {_allowed(name)}"
-        for name, (mean, stddev) in self.prior.items():
-            if not (math.isfinite(mean) and 0.0 < stddev < math.inf):
-                yield f"the prior of {name} is {mean:g} ± {stddev:g}; it needs a finite mean and a deviation above 0"
-        for name, (other, factor) in self.tied.items():
-            if not 0.0 < factor < math.inf:
-                yield f"the factor of {name} is {factor:g}; it must be above 0"
-            elif not all(_is_possible(name, factor * bound) for bound in self.free.get(other, ())):
-                yield f"{name} is {factor:g} times {other}, which leaves its range; {_allowed(name)}"
-
-
-def kind_of(lobe: Lobe) -> str:
-    """The word for a lobe in the names of its own parameters."""
-    return type(lobe).__name__.lower()
-
-
-def lobe_family(
-    lobes: Sequence[str],
-    free: Mapping[str, tuple[float, float]],
-    fixed: Mapping[str, float] | None = None,
-    *,
-    bounces: int = 1,
-    detector_half_angle_rad: float = 0.0,
-    tied: Mapping[str, tuple[str, float]] | None = None,
-    prior: Mapping[str, tuple[float, float]] | None = None,
-) -> SurfaceFamily:
-    """The family of surfaces made of lobes by name, whose weights are free unless said otherwise.
-
-    Parameters
-    ----------
-    lobes : sequence of str
-        Any of "specular", "diffuse", "directional".
-    free, fixed, tied, prior, detector_half_angle_rad
-        As for `SurfaceFamily`. Every one of sigma, n, k that the lobes need must stand in free, fixed or tied; grooves
-        whose asymmetry is not named are symmetric.
-    bounces : int
-        Reflections that the specular lobe follows.
-
-    Raises
-    ------
-    ValueError
-        If a lobe is unknown, a parameter the lobes need is not given or one that they do not need is, or a value is out
-        of its range.
-    """
-    fixed, tied = dict(fixed or {}), dict(tied or {})
-    if not lobes or any(name not in WEIGHTS for name in lobes) or len(set(lobes)) < len(lobes):
-        raise ValueError(f"lobes are {list(lobes)}; name one or more of {list(WEIGHTS)}, each once.")
-    given = [*free, *fixed, *tied]
-    needed = list(dict.fromkeys(name for lobe in lobes for name in _SHAPES[lobe]))
-    optional = ["asymmetry"] if "specular" in lobes else []
-    missing = [name for lobe in lobes for name in _SHAPES[lobe] if name not in given and f"{lobe}.{name}" not in given]
-    surplus = [name for name in given if "." not in name and name in ("sigma", "n", "k", "asymmetry")]
-    surplus = [name for name in surplus if name not in (*needed, *optional)]
-    if missing or surplus:
-        raise ValueError(
-            f"free holds {list(free)} and fixed holds {list(fixed)}; the lobes {list(lobes)} need each of "
-            f"{sorted(needed)} exactly once, and no other."
-        )
-    free_weights = {WEIGHTS[name]: (0.0, math.inf) for name in lobes if WEIGHTS[name] not in (*free, *fixed, *tied)}
-    whole: dict[str, Lobe] = {
-        "specular": Specular(1.0, 1.0, _UNIT_INDEX, 0.0, bounces),
-        "diffuse": Diffuse(1.0, 1.0),
-        "directional": Directional(1.0, 1.0, _UNIT_INDEX),
-    }
-    return SurfaceFamily(
-        Surface([whole[name] for name in lobes]),
-        {**free, **free_weights},
-        fixed,
-        tied,
-        prior or {},
-        detector_half_angle_rad,
-    )
-
 
 def whole_family(surface: Surface) -> SurfaceFamily:
     """The family of all surfaces like this one: every parameter free within its usual bounds.
@@ -275,13 +166,3 @@ def whole_family(surface: Surface) -> SurfaceFamily:
 def _order(surface: Surface) -> list[str]:
     first = [name for name in ("sigma", "alpha", "n", "k", "asymmetry") if name in surface.parameters]
     return first + [name for name in surface.parameters if name not in first]
-
-
-def _is_possible(name: str, value: float) -> bool:
-    kind = quantity(name)
-    return kind.lowest <= value <= kind.highest
-
-
-def _allowed(name: str) -> str:
-    kind = quantity(name)
-    return f"the {kind.meaning} lies from {kind.lowest:g} to {kind.highest:g}"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 from scipy.special import chdtri
@@ -13,10 +14,12 @@ from model.fit.conclusion import conclude
 from model.fit.dataset import OBJECTIVES, Dataset, Objective
 from model.fit.family import SurfaceFamily, whole_family
 from model.fit.levenberg_marquardt import minimise
+from model.fit.noisy_ratios import noisy_ratios
 from model.fit.problem import Problem
 from model.fit.result import FitResult
 from model.fit.rough_search import starts
-from model.fit.start import Search, projected
+from model.fit.start import Search
+from model.fit.weights import projected
 from model.geometry import FloatArray
 from model.surface import Surface
 
@@ -91,7 +94,8 @@ def fit(
             f"values of {', '.join(problem.family.names)} apart. No result is given. Measure more directions, or fix "
             f"one of them."
         )
-    return conclude(problem, compared, ends, best, held, start is None)
+    result = conclude(problem, compared, ends, best, held, start is None)
+    return replace(result, biased=int(noisy_ratios(data, compared).sum()))
 
 
 def follow(
@@ -123,7 +127,7 @@ def follow(
     begin = off_bounds(problem.family, _checked_start(problem, last.values))
     problem = problem.resolving(begin)
     end = minimise(problem, begin, np.zeros(1, np.int64), most_steps=_FOLLOWING_STEPS, settled=_FOLLOWED)
-    return conclude(problem, compared, end, 0, held, False)
+    return replace(conclude(problem, compared, end, 0, held, False), biased=int(noisy_ratios(data, compared).sum()))
 
 
 def _problem(

@@ -42,6 +42,22 @@ class Observable(ABC):
         return self.has_scale
 
 
+class RatioObservable(Observable):
+    """Values that do not say how much light there is: ratios of light, and what follows from these."""
+
+    @property
+    def has_scale(self) -> bool:
+        """Whether the values say how much light there is: not these."""
+        return False
+
+    @abstractmethod
+    def condition(self, light: FloatArray, measured: FloatArray) -> FloatArray:
+        """Numbers (b, M, E, N) whose products with light, summed over its elements, are 0 where it has these values.
+
+        For light close to the one that is given, (b, E, N), they are its values less those measured, (b, M, N).
+        """
+
+
 @dataclass(frozen=True)
 class Elements(Observable):
     """Some elements of the light as they are.
@@ -71,7 +87,7 @@ class Elements(Observable):
 
 
 @dataclass(frozen=True)
-class Ratios(Observable):
+class Ratios(RatioObservable):
     """Some elements of the light, divided by the first; they do not say how much light there is.
 
     Parameters
@@ -91,11 +107,6 @@ class Ratios(Observable):
         first = _name(0, self.elements)
         return tuple(f"{_name(place, self.elements)}/{first}" for place in self.picked)
 
-    @property
-    def has_scale(self) -> bool:
-        """Whether the values say how much light there is: not these."""
-        return False
-
     def of(self, light: FloatArray, slopes: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Values and derivatives; see `Observable.of`."""
         picked = list(self.picked)
@@ -104,9 +115,17 @@ class Ratios(Observable):
         changes = _less(slopes[..., picked, :], values[..., None, :, :] * slopes[..., :1, :])
         return values, changes * inverse[..., None, :, :]
 
+    def condition(self, light: FloatArray, measured: FloatArray) -> FloatArray:
+        """What light with these ratios obeys; see `RatioObservable.condition`."""
+        inverse = 1.0 / light[:, :1]
+        condition = np.zeros((len(light), len(self.picked), *light.shape[1:]))
+        condition[:, range(len(self.picked)), self.picked] = inverse
+        condition[:, :, 0] -= measured * inverse
+        return condition
+
 
 @dataclass(frozen=True)
-class Dolp(Observable):
+class Dolp(RatioObservable):
     """The degree of linear polarization under unpolarized light, √(S1² + S2²)/S0."""
 
     elements: int = STOKES
@@ -115,11 +134,6 @@ class Dolp(Observable):
     def columns(self) -> tuple[str, ...]:
         """Names of the values."""
         return ("dolp",)
-
-    @property
-    def has_scale(self) -> bool:
-        """Whether the values say how much light there is: not these."""
-        return False
 
     def of(self, light: FloatArray, slopes: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Values and derivatives; see `Observable.of`."""
@@ -131,6 +145,15 @@ class Dolp(Observable):
         ds0, ds1, ds2 = (slopes[..., i : i + 1, :] for i in range(3))
         along = (s1 * toward)[..., None, :, :] * ds1 + (s2 * toward)[..., None, :, :] * ds2
         return dolp, _less(along, dolp[..., None, :, :] * ds0) / s0[..., None, :, :]
+
+    def condition(self, light: FloatArray, measured: FloatArray) -> FloatArray:
+        """What light with this DoLP and its own azimuth of polarization obeys; see `RatioObservable.condition`."""
+        s0, s1, s2 = light[:, 0], light[:, 1], light[:, 2]
+        polarized = np.hypot(s1, s2)
+        condition = np.zeros((len(light), 1, *light.shape[1:]))
+        condition[:, 0, 0] = -measured[:, 0] / s0
+        condition[:, 0, 1], condition[:, 0, 2] = s1 / (polarized * s0), s2 / (polarized * s0)
+        return condition
 
 
 def _less(one: FloatArray, other: FloatArray) -> FloatArray:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from model.fit.dataset import Dataset
 from model.fit.family import SurfaceFamily
 from model.fit.forward import Forward
-from model.fit.observable import Observable
+from model.fit.observable import Observable, RatioObservable
 from model.geometry import FloatArray
 
 Places = NDArray[np.int64]
@@ -93,7 +93,7 @@ class Problem:
         self.family, self.observable, self.tolerated = family, observable, tolerated
         self._forward = Forward(family, observable.elements, *directions)
         self._whitener = whitener
-        self._target = whitened(whitener, values)
+        self._values, self._target = values, whitened(whitener, values)
         self.low, self.high = (np.array([family.free[name][side] for name in family.names]) for side in (0, 1))
         self.is_weight = np.array([name in family.weights for name in family.names], bool)
         self._known = [family.names.index(name) for name in family.prior]
@@ -115,6 +115,12 @@ class Problem:
         anew._prior_mean = self._prior_mean + self._prior_stddev * scatter
         return anew
 
+    def holding(self, held: NDArray[np.bool_], x: FloatArray) -> Problem:
+        """The same problem with some parameters (P,) held at the values that they have in x (P,)."""
+        like = copy.copy(self)
+        like.low, like.high = np.where(held, x, self.low), np.where(held, x, self.high)
+        return like
+
     def resolving(self, x: FloatArray) -> Problem:
         """The same problem with cones' nodes just dense enough for surfaces like these, x (b, P)."""
         like = copy.copy(self)
@@ -134,9 +140,24 @@ class Problem:
         """How many sets of data there are."""
         return len(self._target)
 
+    def emitted(self, x: FloatArray, which: Places) -> tuple[FloatArray, FloatArray]:
+        """Light (b, E, N) and derivatives (b, P, E, N) of surfaces with the parameters x (b, P)."""
+        return self._forward(x, which)
+
     def light(self, x: FloatArray, which: Places) -> tuple[FloatArray, FloatArray]:
         """Values (b, M, N) and derivatives (b, P, M, N) of surfaces with the parameters x (b, P), not whitened."""
         return self.observable.of(*self._forward(x, which))
+
+    def condition(self, light: FloatArray, which: Places) -> FloatArray:
+        """Whitened `RatioObservable.condition` (b, M, E, N) on light like this, (b, E, N); 0 where there is none."""
+        assert isinstance(self.observable, RatioObservable), "light itself is measured, and not ratios of it"
+        with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
+            condition = self.observable.condition(
+                light, self._values if len(self._values) == 1 else self._values[which]
+            )
+        whitener = self._whitener if len(self._whitener) == 1 else self._whitener[which]
+        by_element = whitened(whitener[:, None], np.nan_to_num(condition, posinf=0.0, neginf=0.0).swapaxes(1, 2))
+        return by_element.swapaxes(1, 2)
 
     def stokes(self, x: FloatArray) -> FloatArray:
         """S0, S1, S2 (N, 3) under unpolarized light of the one surface with the parameters x (P,)."""
@@ -177,6 +198,10 @@ class Problem:
         mean = self._prior_mean if len(self._prior_mean) == 1 else self._prior_mean[which]
         off: FloatArray = (x[:, self._known] - mean) / self._prior_stddev
         return off
+
+    def off_priors(self, x: FloatArray) -> float:
+        """The sum of the squares of how many standard deviations parameters (P,) are off what is known of them."""
+        return float((self._off_priors(x[None], np.zeros(1, np.int64)) ** 2).sum())
 
     def normal_equations(self, x: FloatArray, which: Places) -> NormalEquations:
         """The normal equations of surfaces with the parameters x (b, P) and the sets of data of these numbers (b,)."""

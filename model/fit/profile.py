@@ -11,10 +11,13 @@ from scipy.special import chdtri
 from model.fit.dataset import Dataset, Objective
 from model.fit.family import SurfaceFamily
 from model.fit.fit import fit
+from model.fit.problem import Problem
 from model.fit.result import FitResult
 from model.geometry import FloatArray
 
 _STEP, _WIDENED, _MOST_STEPS = 0.5, 2.0, 60
+# Halvings of the widest step that are tried as a first one; without a bound that is so many standard errors.
+_SIZES, _FAR = 40, 100.0
 _SLIGHT, _BEYOND = 0.1, float(chdtri(1, 0.01))
 
 
@@ -104,7 +107,7 @@ def _walk(
 ) -> Iterator[tuple[float, float]]:
     estimate = result.parameters[name]
     bound = family.free[name][0 if side < 0 else 1]
-    step = _STEP * (estimate.stderr or 0.02 * abs(estimate.value) or 1e-3)
+    step = _STEP * estimate.stderr if estimate.stderr else _first_step(data, family, result, name, side, objective)
     start, value = dict(result.values), estimate.value
     for _ in range(_MOST_STEPS):
         if value == bound:
@@ -120,6 +123,28 @@ def _walk(
             return
         # Where chi-square hardly rises, as towards a bound, steps grow.
         step = step if excess > _SLIGHT else _WIDENED * step
+
+
+def _first_step(
+    data: Dataset, family: SurfaceFamily, result: FitResult, name: str, side: int, objective: Objective
+) -> float:
+    """Where chi-square has risen by as much as in half a standard error, if the others do not follow.
+
+    Beside a bound it may have a slope, or, as by k at 0, no curvature either: steps of all sizes are tried at once.
+    """
+    place, bound = family.names.index(name), family.free[name][0 if side < 0 else 1]
+    best = np.array([result.values[known] for known in family.names])
+    problem = Problem.of(data.compared_by(objective), family).resolving(best[None])
+    at = problem.difference(best[None], np.zeros(1, np.int64))
+    length = float(np.linalg.norm(at.jacobian[0, place]))
+    widest = abs(bound - best[place]) if np.isfinite(bound) else _FAR / length if length > 0.0 else 1.0
+    steps = widest * 0.5 ** np.arange(_SIZES)
+    x = np.repeat(best[None], _SIZES, axis=0)
+    x[:, place] += side * steps
+    rise = problem.difference(x, np.zeros(_SIZES, np.int64)).cost - at.cost
+    limit = _STEP**2 * (1.0 if data.covariance is not None else at.cost[0] / max(result.degrees_of_freedom, 1))
+    small = steps[np.logical_and.accumulate((rise <= limit)[::-1])[::-1]]
+    return float(small[0]) if len(small) else float(steps[-1])
 
 
 def _excess(family: SurfaceFamily, result: FitResult, there: FitResult, name: str, value: float) -> float:

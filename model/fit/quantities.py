@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+from model.lobes import Lobe
+
 
 @dataclass(frozen=True)
 class Quantity:
@@ -83,3 +85,8 @@ def quantity(name: str) -> Quantity:
 def is_weight(name: str) -> bool:
     """Whether light is proportional to the parameter: whether it is a lobe's weight."""
     return name.startswith("rho_")
+
+
+def kind_of(lobe: Lobe) -> str:
+    """The word for a lobe in the names of its own parameters."""
+    return type(lobe).__name__.lower()

@@ -16,8 +16,9 @@ from model.surface import Surface
 class Estimate:
     """One fitted parameter.
 
-    `stderr` is None, and `at_bound` true, for a parameter that ended at one of its bounds (a weight: at 0): there the
-    data determine on which side of the bound it wants to be, and not how well it is known.
+    `stderr` is None for a parameter that ended at one of its bounds (a weight: at 0), where `at_bound` is true: there
+    the data determine on which side of the bound it wants to be, and not how well it is known. Where `at_bound` is
+    false, it is not determined: any value between its bounds is possible, or nothing tells the errors of the data.
     """
 
     value: float
@@ -63,7 +64,7 @@ class FitResult:
     chi_square : float
         Sum of the squared whitened residuals; where the data have no errors of their own, as counted by their scatter.
     degrees_of_freedom : int
-        Values fitted, and priors, less parameters with a standard error.
+        Values fitted, and priors, less parameters that are not at a bound.
     p_value : float or None
         How often chance alone gives a chi-square as high; None where the data have no errors of their own.
     rms : float
@@ -80,6 +81,8 @@ class FitResult:
         Other optima with a chi-square less than 4 above the best.
     outliers : tuple of Outlier
         Rows that do not belong to the others, the worst first.
+    biased : int
+        Rows whose ratios are so noisy that they are biased; see `noisy_ratios`.
     held : dict of str to float
         Parameters that the fit had to hold because the data cannot tell them, such as the scale of ratios.
     columns : tuple of str
@@ -107,6 +110,7 @@ class FitResult:
     weakness: Weakness | None = None
     alternatives: tuple[Alternative, ...] = ()
     outliers: tuple[Outlier, ...] = ()
+    biased: int = 0
     held: dict[str, float] = field(default_factory=dict)
 
     @property
@@ -143,6 +147,7 @@ class FitResult:
             "alternatives": [
                 {"parameters": dict(other.parameters), "excess": other.excess} for other in self.alternatives
             ],
+            "biased": self.biased,
             "outliers": [{"row": outlier.row, "deviations": outlier.deviations} for outlier in self.outliers],
             "columns": list(self.columns),
             "fitted": self.fitted.tolist(),

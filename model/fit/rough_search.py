@@ -9,6 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from model.fit.bounds import off_bounds
 from model.fit.dataset import Dataset
 from model.fit.family import SurfaceFamily
 from model.fit.instrument import ANGLES
@@ -54,7 +55,8 @@ def starts(data: Dataset, problem: Problem, search: Search, seed: int) -> FloatA
     for x in ends.x[order]:
         if not any(np.allclose(x, other, rtol=_CLOSE, atol=_CLOSE * np.abs(x).max()) for other in apart):
             apart.append(x)
-    return np.array(apart)
+    # Where the simpler problem has no k, this one may have some, but no slope that leads to it.
+    return off_bounds(problem.family, np.array(apart))
 
 
 def _polished(problem: Problem) -> int:

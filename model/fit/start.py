@@ -1,12 +1,10 @@
 """Where a fit begins: points of the parameters' box, found without a first guess.
 
-Light is linear in the lobes' weights, so that only what shapes the lobes needs a search: for given shapes the best
-weights follow from non-negative linear least squares (variable projection; Golub and Pereyra 1973).
+Only what shapes the lobes needs a search, for the best weights follow from it.
 """
 
 from __future__ import annotations
 
-from itertools import combinations
 from typing import Literal
 
 import numpy as np
@@ -14,6 +12,7 @@ import numpy as np
 from model.fit.instrument import ANGLES
 from model.fit.problem import Places, Problem
 from model.fit.quantities import INSTRUMENT, NOMINAL, quantity
+from model.fit.weights import projected
 from model.geometry import FloatArray
 
 Search = Literal["sobol", "genetic"]
@@ -21,12 +20,8 @@ Search = Literal["sobol", "genetic"]
 POINTS = 64
 """Points of the low-discrepancy set when weights follow from linear least squares."""
 _POINTS_OF_RATIOS = 512
-_WIDEST = 4
-"""Weights up to which all choices of those above 0 are tried at once."""
 _RATIO_BOUNDS = (1e-3, 1e2)
 """Weights that a search of values without a scale draws from, where bounds do not say otherwise."""
-_DARK = 1e-12
-"""A lobe whose light is this much weaker than the strongest lobe's, at equal weight, is not seen by the data."""
 
 
 def sobol_starts(problem: Problem, which: Places, best: int, seed: int) -> FloatArray:
@@ -73,55 +68,6 @@ def genetic_start(problem: Problem, one: int, seed: int) -> FloatArray:
     )
     start: FloatArray = projected(problem, box.at(np.atleast_2d(evolved.x)), one)[0][0]
     return start
-
-
-def projected(problem: Problem, x: FloatArray, one: int) -> tuple[FloatArray, FloatArray]:
-    """Points (b, P) with the best weights in place of theirs, and their costs (b,), for one set of data."""
-    family = problem.family
-    which = np.full(len(x), one)
-    places = [family.names.index(name) for name in family.weights]
-    if not places or not problem.observable.is_linear:
-        return x, np.nan_to_num(problem.difference(x, which).cost, nan=np.inf)
-    x = x.copy()
-    x[:, places] = 0.0
-    at = problem.difference(x, which)
-    # Without weights what is left is the light of lobes whose weights are held, less the data.
-    columns, target = at.jacobian[:, places], -at.residuals
-    gram = columns @ columns.swapaxes(1, 2)
-    weights = non_negative(gram, np.einsum("bpr,br->bp", columns, target))
-    x[:, places] = np.clip(weights, problem.low[places], problem.high[places])
-    left = target - np.einsum("bp,bpr->br", x[:, places], columns)
-    return x, np.nan_to_num(np.einsum("br,br->b", left, left), nan=np.inf)
-
-
-def non_negative(gram: FloatArray, right: FloatArray) -> FloatArray:
-    """Weights w >= 0 (b, L) that minimise w·gram·w - 2 right·w, for gram (b, L, L) and right (b, L)."""
-    lengths = np.sqrt(np.einsum("bll->bl", gram))
-    seen = lengths > _DARK * lengths.max(axis=1, initial=0.0, keepdims=True)
-    unit = np.where(seen, 1.0 / np.where(seen, lengths, 1.0), 0.0)
-    count = right.shape[1]
-    scaled = gram * unit[:, :, None] * unit[:, None, :]
-    wanted = right * unit
-    best = np.zeros_like(right)
-    if count > _WIDEST:
-        from scipy.optimize import nnls
-
-        for b in range(len(right)):
-            root = np.linalg.cholesky(scaled[b] + 1e-13 * np.eye(count))
-            best[b] = nnls(root.T, np.linalg.solve(root, wanted[b]))[0]
-        return best * unit
-    lowest = np.zeros(len(right))
-    for size in range(1, count + 1):
-        for chosen in combinations(range(count), size):
-            some = list(chosen)
-            matrix = scaled[:, some][:, :, some] + 1e-13 * np.eye(size)
-            weights = np.linalg.solve(matrix + np.eye(size) * ~seen[:, some, None], wanted[:, some, None])[..., 0]
-            value = -np.einsum("bl,bl->b", weights, wanted[:, some])
-            better = (weights >= 0.0).all(axis=1) & (value < lowest)
-            lowest = np.where(better, value, lowest)
-            best[better] = 0.0
-            best[np.ix_(better, some)] = weights[better]
-    return best * unit
 
 
 class _Box:

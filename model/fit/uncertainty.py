@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from goniometer.errors import FitError
 from model.geometry import FloatArray
@@ -45,6 +46,28 @@ class Uncertainty:
     def scaled(self, factor: float) -> Uncertainty:
         """The same where the errors of the data are larger by a factor."""
         return Uncertainty(self.stderr * factor, self.correlation, self.condition, self.weakest * factor)
+
+    def of(self, chosen: NDArray[np.bool_]) -> Uncertainty:
+        """The same of some parameters, whatever the others are."""
+        return Uncertainty(
+            self.stderr[chosen], self.correlation[np.ix_(chosen, chosen)], self.condition, self.weakest[chosen]
+        )
+
+    def scattering(self, scores: FloatArray) -> Uncertainty:
+        """The same where gradients scatter as these do, and not as independent errors of variance 1 make them scatter.
+
+        The sandwich estimator A⁻¹BA⁻¹ of Huber (1967), with A of this and B the sum of the scores' squares.
+
+        Parameters
+        ----------
+        scores : ndarray
+            Shape (P, rows): the gradient that each row adds.
+        """
+        root = self.covariance @ scores
+        covariance = root @ root.T
+        stderr = np.sqrt(np.diag(covariance))
+        along = float(np.linalg.norm(self.weakest @ scores))
+        return Uncertainty(stderr, covariance / np.outer(stderr, stderr), self.condition, self.weakest * along)
 
 
 def uncertainty(jacobian: FloatArray, names: Sequence[str]) -> Uncertainty:

@@ -6,7 +6,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 from model.evaluation import Addend
-from model.fit.family import SurfaceFamily, kind_of
+from model.fit.family import SurfaceFamily
+from model.fit.quantities import kind_of
 from model.geometry import FloatArray
 from model.lobes import Lobe
 from model.surface import Surface, rate_input

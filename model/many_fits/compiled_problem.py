@@ -10,7 +10,7 @@ import numpy as np
 
 from model.evaluation import DIRECTIONS, Light, Program
 from model.fit.family import SurfaceFamily
-from model.fit.forward import LobeSum
+from model.fit.lobe_sum import LobeSum
 from model.fit.observable import MUELLER, Elements
 from model.fit.problem import NormalEquations, Places, Problem
 from model.fit.quantities import INSTRUMENT

@@ -7,6 +7,7 @@ from concurrent.futures import Executor
 import numpy as np
 from numpy.typing import ArrayLike
 
+from goniometer.errors import FitError
 from model.fit.family import WEIGHTS, SurfaceFamily
 from model.fit.observable import Elements, Observable
 from model.geometry import FloatArray
@@ -65,7 +66,8 @@ def fit_many(
     Raises
     ------
     FitError
-        If a value or an error that counts is not finite or not possible.
+        If a value or an error that counts is not finite or not possible, or priors are to be weighed against values
+        without errors.
     ValueError
         If shapes do not agree; a start is outside the bounds; the observable has no scale, but no weight is held; or a
         direction is the mirror direction, where light of several bounces is infinite.
@@ -75,6 +77,11 @@ def fit_many(
         raise ValueError(
             f"{', '.join(observable.columns)} do not say how much light there is, so that one weight has to be held: "
             f"give family.holding('{family.weights[0]}', 1.0). Nothing was fitted."
+        )
+    if family.prior and not pixels.has_errors:
+        raise FitError(
+            f"What is known of {' and '.join(family.prior)} beforehand cannot be weighed against values without "
+            "errors. Nothing was fitted. Give stderr or covariance, or leave the prior out."
         )
     if not family.detector_half_angle_rad and any(lobe.has_caustic for lobe in family.lobes):
         require_off_mirror(*directions)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import copy
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -13,47 +13,10 @@ from model.domain import require_directions
 from model.fit.observable import Observable
 from model.fit.problem import Places
 from model.geometry import FloatArray
+from model.many_fits.block import Block
 
 _NOTHING = "Nothing was fitted."
-
-
-class Block(NamedTuple):
-    """Some pixels, laid out as `Problem` takes them: what is not measured has the value 0 and no weight.
-
-    Attributes
-    ----------
-    directions : tuple of ndarray
-        Incidence, exit and azimuth in rad, each (N,), or (b, N) if every pixel has its own.
-    values : ndarray
-        Shape (b, M, N).
-    whitener : ndarray
-        Shape (b, M, M, N), or (1, M, M, N) if all have the same errors and miss nothing.
-    measured : ndarray of bool
-        Shape (b, N).
-    """
-
-    directions: tuple[FloatArray, FloatArray, FloatArray]
-    values: FloatArray
-    whitener: FloatArray
-    measured: NDArray[np.bool_]
-
-    def some(self, which: Places) -> Block:
-        """Some of these pixels."""
-        incidence, exit_, azimuth = (angle if angle.ndim == 1 else angle[which] for angle in self.directions)
-        whitener = self.whitener if len(self.whitener) == 1 else self.whitener[which]
-        return Block((incidence, exit_, azimuth), self.values[which], whitener, self.measured[which])
-
-    def away_from_the_mirror(self, angle_rad: float) -> Block:
-        """The same, where directions within an angle of the mirror direction have no weight, and are moved beside it.
-
-        There a cone sees other things than its axis.
-        """
-        incidence, exit_, azimuth = self.directions
-        close = (np.cos(azimuth) < 0.0) & (np.abs(exit_ - incidence) <= angle_rad)
-        beside = np.where(incidence > angle_rad, incidence - angle_rad, incidence + angle_rad)
-        whitener = np.where(np.atleast_2d(close)[:, None, None, :], 0.0, self.whitener)
-        directions = (incidence, np.where(close, beside, exit_), azimuth)
-        return Block(directions, self.values, whitener, self.measured & ~close)
+_ROUNDING = 1e-9
 
 
 class Pixels:
@@ -90,6 +53,7 @@ class Pixels:
         observable: Observable,
     ) -> None:
         self.values = np.asarray(values, np.float64)
+        self._polarized = [place for place, name in enumerate(observable.columns) if name in ("s1", "s2", "s3")]
         self._before = 0
         _require_shape("values", self.values, (len(self.values), *self.values.shape[1:2], len(observable.columns)))
         size, width = self.values.shape[1:]
@@ -119,6 +83,7 @@ class Pixels:
             self._refuse(np.asarray(possible.all(axis=2)), "stderr is not a finite number above 0")
         if self._covariance is not None:
             self._refuse(np.asarray(np.isfinite(self._covariance).all(axis=(2, 3))), "the covariance is not finite")
+            self._refuse(_is_symmetric(self._covariance), "the covariance is not symmetric")
 
     @property
     def count(self) -> int:
@@ -165,10 +130,27 @@ class Pixels:
             one[suspected] = (low >= high).all(axis=1)
         return one
 
+    def are_unpolarized(self, places: Places) -> NDArray[np.bool_]:
+        """Which pixels (b,) hold S1, S2 and S3 of exactly 0 in all directions, if these were to be measured."""
+        none = np.zeros(len(places), bool)
+        if self._polarized:
+            measured = self.measured[places]
+            dark = ~self.values[places, 0][:, self._polarized].any(axis=1)
+            suspected = np.flatnonzero(dark | ~measured[:, 0])
+            values = self.values[places[suspected]][..., self._polarized]
+            none[suspected] = ~(values.any(axis=2) & measured[suspected]).any(axis=1)
+        return none
+
+    def brightness(self, places: Places) -> FloatArray:
+        """The mean (b,) of all that was measured of pixels."""
+        measured = self.measured[places]
+        values = np.where(measured[..., None], self.values[places], 0.0)
+        mean: FloatArray = values.sum(axis=(1, 2)) / np.maximum(measured.sum(axis=1), 1)
+        return mean
+
     def _whitener(self, places: Places, measured: NDArray[np.bool_]) -> FloatArray:
-        whitener = (
-            self._of_stderr(places, measured) if self._covariance is None else self._of_covariance(places, measured)
-        )
+        of_errors = self._of_stderr if self._covariance is None else self._of_covariance
+        whitener = of_errors(places, measured)
         return whitener if bool(measured.all()) else whitener * measured[:, None, None, :]
 
     def _of_stderr(self, places: Places, measured: NDArray[np.bool_]) -> FloatArray:
@@ -224,6 +206,14 @@ def inverse_root(covariance: FloatArray) -> FloatArray:
             for j in range(i):
                 inverse[i, j] = -(root[i, j:i] * inverse[j:i, j]).sum(axis=0) / root[i, i]
     return inverse
+
+
+def _is_symmetric(covariance: FloatArray) -> NDArray[np.bool_]:
+    """Which covariances (..., M, M) are, to rounding; what is not finite is not looked at."""
+    with np.errstate(invalid="ignore"):
+        apart = np.abs(covariance - np.swapaxes(covariance, -1, -2)).max(axis=(-2, -1))
+        symmetric: NDArray[np.bool_] = ~(apart > _ROUNDING * np.abs(covariance).max(axis=(-2, -1)))
+    return symmetric
 
 
 def _anywhere(measured: NDArray[np.bool_]) -> NDArray[np.bool_]:

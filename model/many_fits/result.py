@@ -24,6 +24,8 @@ class Status(IntEnum):
     """Least squares did not end, because the values hardly tell some parameters apart."""
     UNDETERMINED = 4
     """There are changes of parameters that leave every fitted value the same."""
+    UNPOLARIZED = 5
+    """No direction shows any polarization, not even noise, from which n or k could be found."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,7 +39,8 @@ class ManyFits:
     parameters : ndarray
         Shape (B, P).
     stderr : ndarray
-        Shape (B, P); NaN for parameters at a bound. They follow from the data's errors, and are not rescaled by
+        Shape (B, P); NaN for parameters at a bound, and for those that the data know less of than their bounds, of
+        which almost any value would do as well. They follow from the data's errors, and are not rescaled by
         chi_square; where errors are not known, they follow from the scatter about the fit.
     at_bound : ndarray of bool
         Shape (B, P): parameters that would go beyond their bound if they could.

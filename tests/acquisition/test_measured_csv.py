@@ -165,7 +165,7 @@ def test_a_runs_own_table_reads_back_to_the_same_data(tmp_path: Path) -> None:
         root = rng.normal(size=(3, 4)) * 1e-3
         points.append(
             StokesPoint(
-                *(number, incidence_deg, exit_deg, 12.5, rng.normal(size=3), root @ root.T),
+                *(number, incidence_deg, exit_deg, 12.5, np.abs(rng.normal(size=3)), root @ root.T),
                 *(0.5, 0.49, 0.01, -30.0, 0.7),
             )
         )
@@ -255,7 +255,17 @@ def test_what_is_unambiguous_is_read(tmp_path: Path, text: str) -> None:
         (PLAIN.replace("0.5", "0.5 deg"), ":3: column dolp: found '0.5 deg'"),
         (PLAIN.replace("0.5", "0.5,"), ":3: found 4 values; the 3 columns need as many"),
         (PLAIN.replace(".", ","), ":2: found 4 values; the 3 columns need as many; are these decimal commas?"),
-        (PLAIN.replace("60,20,0.5", "60,20"), ":3: found 2 values"),
+        (PLAIN.replace("60,20,0.5", "60,20"), ":3: found 2 values; the 3 columns need as many; is one missing?"),
+        (PLAIN.upper(), ":1: column INCIDENCE_DEG is not known; did you mean incidence_deg?"),
+        (PLAIN.replace("dolp", "s0_per_sr").replace("0.", "-0."), ":1: column s0_per_sr is nowhere above 0"),
+        (
+            PLAIN.replace("dolp", "s0_per_sr,s0_stderr_per_sr").replace("0.25", "1,0.1").replace("0.5", "-0.6,0.1"),
+            ":3: column s0_per_sr: found -0.6; light is never below 0 by more than its noise",
+        ),
+        (
+            PLAIN.replace("dolp", "m00,m00_stderr").replace("0.25", "1,0.1").replace("0.5", "-0.6,0.1"),
+            ":3: column m00: found -0.6; light is never below 0",
+        ),
         (PLAIN.replace("0.5", '"0.5'), ":3: the quotes of this line are broken"),
         (PLAIN.replace(",", ";").replace("0.25", "0,25"), ":2: column dolp: found '0,25', and in line 3 '0.5'"),
         (
@@ -342,3 +352,14 @@ def test_files_that_are_no_text_are_named(tmp_path: Path) -> None:
     path.write_bytes(PLAIN.encode("utf-16"))
     with pytest.raises(FitError, match=r"excel\.csv:1: this is not UTF-8 text"):
         read_measured_csv(path)
+
+
+def test_rows_remember_the_lines_that_they_stand_in(tmp_path: Path) -> None:
+    path = tmp_path / "table.csv"
+    path.write_text("# a comment\nincidence_deg,exit_deg,s0_per_sr,s1_per_sr\n60,10,1,0\n\n# another\n60,20,-0.1,0\n")
+    data = read_measured_csv(path)
+    assert data.lines.tolist() == [3, 6]
+    assert data.some(np.array([1])).place(0) == "line 6"
+    with pytest.raises(FitError, match=r"Line 6 of table.csv \(incidence 60°.*s0 is not above 0.*objective stokes"):
+        fit(data, lobe_family(("diffuse",), {}, {"sigma": 0.1}), objective="normalised")
+    assert data.joined(data).lines is None

@@ -110,6 +110,25 @@ def test_workers_without_the_program_are_refused(
         list(fitted_on(cluster.scheduler_address, inputs, asked))
 
 
+@pytest.mark.parametrize(
+    ("address", "message"),
+    [
+        ("foo", r"--scheduler is 'foo'; write tcp://HOST:PORT.*Nothing was fitted"),
+        ("", r"--scheduler is ''; write tcp://HOST:PORT"),
+        ("http://127.0.0.1:8786", "write tcp://HOST:PORT"),
+        ("tcp://127.0.0.1", "write tcp://HOST:PORT"),
+        ("tls://127.0.0.1:1", r"no certificates here\. Nothing was fitted"),
+    ],
+)
+def test_what_is_no_address_is_refused_at_once(
+    address: str, message: str, inputs: list[Path], asked: Asked, tmp_path: Path
+) -> None:
+    with pytest.raises(ConfigurationError, match=message) as refused:
+        fit_files(inputs, tmp_path / "fits.csv", asked, sys.stderr, scheduler=address)
+    assert not hasattr(refused.value, "__notes__")
+    assert not list(tmp_path.glob("fits*"))
+
+
 def test_a_scheduler_that_is_not_there_or_has_no_workers_is_told(
     inputs: list[Path], asked: Asked, monkeypatch: pytest.MonkeyPatch
 ) -> None:

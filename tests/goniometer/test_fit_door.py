@@ -327,3 +327,46 @@ def test_profile_and_bootstrap_say_intervals_in_the_units_of_the_recipe(run: Sto
     code, _, err = command(csv, "--profile", "n", "--robust")
     assert code == 2
     assert "no likelihood" in err
+
+
+@pytest.mark.parametrize(
+    ("change", "fault"),
+    [
+        ("until: {rho: 0.1}\ntime_limit_s: 60", r"key 'until.rho'"),
+        ("until: {sigma: -1}\ntime_limit_s: 60", r"key 'until.sigma'"),
+        ("adaptive: maybe\ntime_limit_s: 60", r"key 'adaptive'"),
+        ("adaptive: true", r"key 'adaptive': needs a time limit"),
+    ],
+)
+def test_a_recipe_whose_end_makes_no_sense_is_refused_as_check_does(tmp_path: Path, change: str, fault: str) -> None:
+    recipe = tmp_path / "recipe.yaml"
+    recipe.write_text(RECIPE.read_text(encoding="utf-8") + f"\n{change}\n", encoding="utf-8")
+    with pytest.raises(ConfigurationError, match=fault):
+        choice_from(recipe)
+
+
+def test_refusals_name_angles_of_the_instrument_as_recipes_do(tmp_path: Path, command: Command) -> None:
+    rows = [f"60,{angle},{value},0,0.01,0.01" for angle, value in [(10, 0.5), (20, 0.6)]]
+    header = "incidence_deg,exit_deg,s0_per_sr,s1_per_sr,s0_stderr_per_sr,s1_stderr_per_sr"
+    (tmp_path / "scan.csv").write_text("\n".join([header, *rows]))
+    (tmp_path / "fit.yaml").write_text(
+        "fit:\n  lobes: [specular, diffuse]\n"
+        "  free: {sigma: [0.02, 1.0], exit_offset_deg: [-1, 1], incidence_offset_deg: [-1, 1]}\n"
+        "  fixed: {n: 2.9, k: 3.0}\n"
+    )
+    code, out, err = command(tmp_path / "scan.csv", "--recipe", tmp_path / "fit.yaml")
+    assert (code, out) == (1, "")
+    assert "exit_offset_deg" in err
+    assert "_rad" not in err
+
+
+def test_what_looks_wrong_in_a_table_is_said_and_kept(run: StoredRun, tmp_path: Path, command: Command) -> None:
+    lines = (run.folder / "stokes.csv").read_text(encoding="utf-8").splitlines()
+    path = tmp_path / "twice.csv"
+    path.write_text("\n".join([*lines, lines[-1]]), encoding="utf-8")
+    code, out, err = command(path, "--recipe", RECIPE, "--json")
+    assert code == 0
+    said = f"line {len(lines)} and line {len(lines) + 1} are the same to the last digit"
+    assert said in err
+    assert any(said in note for note in json.loads(out)["notes"])
+    assert command(run.folder / "stokes.csv", "--recipe", RECIPE)[2] == ""

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import csv
 import ctypes
+import io
 import json
 import multiprocessing
 import os
+import re
 import select
 import signal
 import subprocess
@@ -100,6 +102,11 @@ def write_scan(path: Path, seed: int) -> None:
 def table(path: Path) -> list[dict[str, str]]:
     with path.open(encoding="utf-8", newline="") as file:
         return list(csv.DictReader(file))
+
+
+@pytest.fixture
+def terminal() -> io.StringIO:
+    return io.StringIO()
 
 
 def test_the_table_has_a_row_for_each_input_in_their_order(
@@ -205,6 +212,124 @@ def test_an_earlier_run_is_neither_overwritten_nor_mixed_in_silently(
     )
 
 
+@pytest.mark.parametrize("ending", [".csv", ".parquet"])
+def test_a_glob_that_finds_the_earlier_table_goes_on(
+    ending: str, inputs: list[Path], recipe: Path, here: list[Path], terminal: io.StringIO, tmp_path: Path
+) -> None:
+    if ending == ".parquet":
+        pytest.importorskip("pyarrow")
+    out = tmp_path / f"fits{ending}"
+    first = fit_many.fit_files(inputs[:2], out, Asked(recipe), terminal)
+    assert terminal.getvalue() == ""
+    here.clear()
+    found = [out, inputs[0], out.with_name(out.name + ".done.jsonl"), inputs[3], inputs[1]]
+    many = fit_many.fit_files(found, out, Asked(recipe), terminal, resume=True)
+    assert here == [inputs[3]]
+    assert (first.counts, many.counts) == ({OK: 2}, {OK: 3})
+    assert f"{out} and {out}.done.jsonl: left out" in terminal.getvalue()
+    if ending == ".csv":
+        assert [row["path"] for row in table(out)] == [str(inputs[number]) for number in (0, 3, 1)]
+    with pytest.raises(ConfigurationError, match=r"No input is left\. Nothing was fitted"):
+        fit_many.fit_files([out], out, Asked(recipe), terminal, resume=True)
+
+
+@pytest.mark.parametrize("resume", [False, True])
+@pytest.mark.parametrize("name", ["scan3.csv", "notes.csv", "notes.parquet", "folder.csv"])
+def test_what_is_no_table_of_fits_is_not_overwritten(
+    name: str, resume: bool, inputs: list[Path], recipe: Path, here: list[Path], tmp_path: Path
+) -> None:
+    out = tmp_path / name
+    if name == "folder.csv":
+        out.mkdir()
+    elif name != "scan3.csv":
+        if name == "notes.parquet":
+            pytest.importorskip("pyarrow")
+        out.write_text("path,what\nscan3.csv,dull\n", encoding="utf-8")
+    before = None if out.is_dir() else out.read_bytes()
+    with pytest.raises(ConfigurationError, match=rf"{name}, which is there already and is no table .* is as it was"):
+        fit_many.fit_files(inputs, out, Asked(recipe), io.StringIO(), resume=resume)
+    assert here == []
+    assert before is None or out.read_bytes() == before
+    assert not out.with_name(f"{name}.done.jsonl").exists()
+
+
+def test_an_empty_file_may_become_the_table(
+    inputs: list[Path], recipe: Path, here: list[Path], terminal: io.StringIO, tmp_path: Path
+) -> None:
+    out = tmp_path / "fits.csv"
+    out.touch()
+    fit_many.fit_files(inputs[:1], out, Asked(recipe), terminal)
+    assert len(table(out)) == 1
+
+
+def test_what_is_named_twice_is_fitted_once_and_keeps_its_places(
+    inputs: list[Path], recipe: Path, here: list[Path], terminal: io.StringIO, tmp_path: Path
+) -> None:
+    asked = [inputs[0], inputs[1], inputs[0], inputs[3], inputs[1], inputs[0]]
+    many = fit_many.fit_files(asked, tmp_path / "fits.csv", Asked(recipe), terminal)
+    assert sorted(here) == sorted({inputs[0], inputs[1], inputs[3]})
+    assert many.counts == {OK: 6}
+    assert "3 inputs are named again; each is fitted once" in terminal.getvalue()
+    rows = table(tmp_path / "fits.csv")
+    assert [row["path"] for row in rows] == list(map(str, asked))
+    assert rows[0] == rows[2] == rows[5] != rows[1]
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="names of files are texts elsewhere")
+@pytest.mark.parametrize("ending", [".csv", ".parquet"])
+def test_a_name_that_is_no_text_has_a_row(
+    ending: str, inputs: list[Path], recipe: Path, here: list[Path], terminal: io.StringIO, tmp_path: Path
+) -> None:
+    parquet = pytest.importorskip("pyarrow.parquet")
+    strange, out = Path(os.fsdecode(os.fsencode(tmp_path) + b"/Gr\xf6\xdfe.csv")), tmp_path / f"fits{ending}"
+    inputs[0].rename(strange)
+    for resume in (False, True):
+        many = fit_many.fit_files([strange, inputs[1]], out, Asked(recipe), terminal, resume=resume)
+        assert many.counts == {OK: 2}
+    assert len(here) == 2
+    rows = table(out) if ending == ".csv" else parquet.read_table(out).to_pylist()
+    assert rows[0]["path"] == f"{tmp_path}/Gr\\udcf6\\udcdfe.csv"
+
+
+def test_a_cell_is_one_line_of_what_its_row_does_not_say(recipe: Path, tmp_path: Path, terminal: io.StringIO) -> None:
+    write_scan(tmp_path / "good.csv", 1)
+    lines = (tmp_path / "good.csv").read_text(encoding="utf-8").splitlines()
+    bad = {
+        "empty.csv": "",
+        "header.csv": lines[0],
+        "words.csv": "\n".join(
+            [*lines[:4], lines[4].replace("60", "a").replace("6.", "b"), "c" + lines[5], "d" + lines[6]]
+        ),
+        "units.csv": "\n".join(lines).replace("incidence_deg", "incidence_rad"),
+        "short.csv": "\n".join(lines[:2]),
+        "dark.csv": "incidence_deg,exit_deg,s0_per_sr,s1_per_sr,s2_per_sr\n60,0,1,0,0\n60,10,2,0,0\n60,20,3,0,0\n",
+        "picture.png": "",
+        "scan.nxs": "no NeXus file",
+        "bytes.csv": "\udcff",
+    }
+    for name, text in bad.items():
+        (tmp_path / name).write_text(text, encoding="utf-8", errors="surrogateescape")
+    (tmp_path / "folder").mkdir()
+    paths = [*(tmp_path / name for name in (*bad, "folder", "missing.csv"))]
+    out = tmp_path / "fits.csv"
+    many = fit_many.fit_files(paths, out, Asked(recipe), terminal, workers=1)
+    rows = {Path(row["path"]).name: row for row in table(out)}
+    assert list(rows) == [*bad, "folder", "missing.csv"]
+    assert all(row["status"] in (REFUSED, UNREADABLE) for row in rows.values())
+    for row in rows.values():
+        assert 0 < len(row["message"]) < 300, row
+        assert "\n" not in row["message"]
+        assert row["path"] not in row["message"]
+        assert not re.search("Nothing was|was not used", row["message"])
+        assert row["message"] == " ".join(row["message"].split())
+    assert rows["units.csv"]["message"] == "line 1: column incidence_rad is not known; did you mean incidence_deg?"
+    assert rows["words.csv"]["message"].startswith("line 5: column ")
+    assert rows["words.csv"]["message"].endswith(" more faults")
+    assert rows["dark.csv"]["message"].startswith("free: without any polarization")
+    assert rows["missing.csv"]["message"].startswith("does not exist. Name a run's folder")
+    assert len(str(many).splitlines()) == 1 + 5 + 1
+
+
 def test_a_line_that_was_cut_off_is_done_again(inputs: list[Path], recipe: Path, tmp_path: Path) -> None:
     path, asked = tmp_path / "fits.csv.done.jsonl", Asked(recipe)
     given = [Input.now(path) for path in inputs[:3]]
@@ -222,6 +347,10 @@ def test_a_line_that_was_cut_off_is_done_again(inputs: list[Path], recipe: Path,
     path.write_bytes(b"{}\n" + whole)
     with pytest.raises(JournalError, match=r"done\.jsonl, line 1, is not a stored fit\. Nothing was fitted"):
         ProgressFile(path, asked)
+    path.write_bytes(b"somebody's\nnotes")
+    with pytest.raises(JournalError, match=r"line 1, is not a stored fit"):
+        ProgressFile(path, asked)
+    assert path.read_bytes() == b"somebody's\nnotes"
 
 
 def test_what_the_program_failed_on_is_tried_again(inputs: list[Path], tmp_path: Path) -> None:
@@ -263,7 +392,7 @@ def test_a_full_disk_is_told_and_what_is_stored_stays(
         (["a.csv", "b.csv", "--json", "--out", "t.csv"], "leave --json, --profile and --bootstrap out"),
         (["a.csv", "--workers", "2", "--scheduler", "tcp://x", "--out", "t.csv"], "exclude each other"),
         (["a.csv", "--workers", "0", "--out", "t.csv"], "0 is not in the range x>=1"),
-        (["a.csv", "b.csv", "--out", "t.json"], r".csv or .parquet file"),
+        (["a.csv", "b.csv", "--out", "t.json"], r"is a .csv or a .parquet file"),
         (["a.csv", "b.csv", "--out", "nowhere/t.csv"], "the folder nowhere does not exist"),
         (["a.csv", "b.csv", "--out", "t.csv", "--recipe", "missing.yaml"], "missing.yaml"),
     ],

@@ -8,9 +8,11 @@ from typing import Any
 import numpy as np
 import pytest
 
+from goniometer.fitting.intervals import Intervals
 from goniometer.fitting.remarks import remarks
 from goniometer.fitting.summary import fit_summary, parameter_rows, quality
 from model.fit import Dataset, Estimate, FitResult
+from model.fit.observable import Dolp
 from model.fit.result import Alternative, Outlier, Weakness
 from model.geometry import in_plane
 from model.lobes import Diffuse
@@ -120,6 +122,66 @@ def test_parameters_that_could_be_almost_anything_are_named(
 ) -> None:
     text = said(weakness=None, parameters={name: Estimate(value, stderr, False)})
     assert text == (f"The data hardly determine {name}: almost any value would do as well." if is_open else "")
+
+
+def test_what_is_not_determined_is_said_alike_in_table_and_words() -> None:
+    parameters = {**FIT.parameters, "k": Estimate(7.99, None, False)}
+    fit = replace(FIT, parameters=parameters, names=("sigma", "n"), correlation=np.eye(2), weakness=None)
+    assert remarks(fit) == [
+        "The data do not determine k: it could be anything between its bounds. The errors of the others allow for that."
+    ]
+    rows = {row.name: row for row in parameter_rows(fit, {"k": 3.0})}
+    assert (rows["k"].value, rows["k"].error, rows["k"].off, rows["k"].note) == ("7.99", "", "", "not determined")
+    assert "only if rho_s is truly at the bound" in quality(fit)
+
+
+def test_without_errors_and_without_freedom_nothing_is_known_and_that_is_said() -> None:
+    parameters = {name: Estimate(1.0, None, False) for name in ("n", "rho_s")}
+    nothing = {"names": (), "correlation": np.empty((0, 0)), "weakness": None}
+    fit = replace(FIT, parameters=parameters, p_value=None, degrees_of_freedom=0, **nothing)
+    assert "nothing shows how well any parameter is known" in quality(fit)
+    assert "standard errors" in quality(fit)
+    assert remarks(fit) == []
+    assert "nan" not in fit_summary(fit, {}).lower()
+
+
+def test_biased_ratios_are_counted_with_the_remedy() -> None:
+    text = said(weakness=None, biased=7)
+    assert text.startswith("In 7 of 61 directions S0 or the degree of polarization is less than 5 standard errors")
+    assert "fit with --objective stokes" in text
+    measured = Dataset(*np.full((3, 2), 0.5), np.ones((2, 1)), None, Dolp())
+    alone = remarks(replace(FIT, weakness=None, biased=7), measured)[0]
+    assert "measure longer there" in alone
+    assert "--objective" not in alone
+
+
+def test_outliers_of_a_table_are_named_by_their_lines() -> None:
+    exit_rad, azimuth_rad = in_plane(np.radians(np.arange(-30.0, 31.0)))
+    data = Dataset(np.full(61, 1.0), exit_rad, azimuth_rad, np.zeros((61, 3)), lines=np.arange(61) + 9)
+    text = remarks(replace(FIT, weakness=None, outliers=(Outlier(2, 9.0),)), data)[0].splitlines()
+    assert text[0] == "Too far from the fit for their errors, of 61 rows: 1"
+    assert text[1].startswith("  line 11, incidence")
+
+
+@pytest.mark.parametrize(
+    ("count", "ends"),
+    [
+        (50, "n: from 2.800 to 3.000, each end ± 0.038, say 50 fits"),
+        (5000, "n: from 2.8000 to 3.0000, each end ± 0.0038"),
+    ],
+)
+def test_a_bootstrap_says_no_more_digits_than_it_knows(count: int, ends: str) -> None:
+    found = Intervals(scatter={"n": (2.80000123, 2.99999876)}, scatter_stderr={"n": 0.1}, count=count)
+    assert found.lines()[0] == "With 95 % probability"
+    assert ends in found.lines()[1]
+
+
+def test_too_few_fits_make_no_interval_but_a_scatter() -> None:
+    lines = Intervals(scatter_stderr={"n": 0.0512}, count=20).lines()
+    assert not any("95 % probability" in line for line in lines)
+    assert "each known to 16 %" in lines[0]
+    assert "ask for 200" in lines[0]
+    assert lines[1] == "n: 0.05"
 
 
 @pytest.mark.parametrize(

@@ -197,7 +197,7 @@ def test_darkness_is_refused() -> None:
     [
         ({"values": np.nan}, r"Row 7 .*exit 7°.*s0 is not a finite number"),
         ({"covariance": np.inf}, "Row 7 .*covariance is not a finite number"),
-        ({"exit_rad": np.pi / 2.0}, "Row 7 .*exit_rad is not from 0 to below pi/2"),
+        ({"exit_rad": np.pi / 2.0}, "Row 7 .*the exit angle is not from 0 to below 90°"),
         ({"covariance": 0.0}, "Row 7 .*covariance is not positive definite"),
     ],
 )

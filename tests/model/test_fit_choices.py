@@ -244,7 +244,7 @@ def test_a_dark_row_has_no_ratio() -> None:
     data = scan(GLASS, None, family=DIELECTRIC)
     values = data.values.copy()
     values[7, 0] = 0.0
-    with pytest.raises(FitError, match=r"Row 7 .*first element is not above 0"):
+    with pytest.raises(FitError, match=r"Row 7 .*s0 is not above 0.*Fit with the objective stokes"):
         fit(replace(data, values=values), DIELECTRIC, objective="dolp")
     with pytest.raises(FitError, match="cannot be had"):
         fit(Dataset(*data.directions, data.values[:, :1], None, Elements((0,))), DIELECTRIC, objective="dolp")
@@ -359,3 +359,26 @@ def test_random_numbers_are_no_surface_and_say_so_without_a_warning() -> None:
             name for name, e in result.parameters.items() if e.stderr and e.stderr > 1e3 * widths.get(name, np.inf)
         ]
         assert not vague
+
+
+def test_ratios_of_noise_are_counted_because_they_are_biased() -> None:
+    bright, faint = scan(GLASS, family=DIELECTRIC), scan(GLASS, family=DIELECTRIC, relative=0.3)
+    family = lobe_family(("specular", "diffuse"), {"n": (1.05, 4.0)}, {"sigma": 0.12, "k": 0.0})
+    dolp = fit(faint, family, objective="dolp")
+    errors = np.sqrt(np.diagonal(faint.covariance, axis1=1, axis2=2))
+    weak = np.hypot(faint.values[:, 1], faint.values[:, 2]) < 4.0 * errors[:, 1]
+    assert dolp.biased >= weak.sum() > 10
+    ratios = fit(faint, family, objective="normalised")
+    assert ratios.biased == (faint.values[:, 0] < 5.0 * errors[:, 0]).sum() > 0
+    assert fit(faint, family).biased == 0
+    assert fit(bright, family, objective="normalised").biased == 0
+    measured = faint.compared_by("dolp")
+    assert 0 < fit(measured, family).biased <= dolp.biased
+    assert fit(replace(faint, covariance=None), family, objective="dolp").biased == 0
+
+
+def test_the_degree_of_polarization_of_noise_is_as_biased_as_said() -> None:
+    # Where a DoLP is five standard errors its mean is a tenth of one too large (Rice 1945).
+    random = np.random.default_rng(0)
+    s1, s2 = random.standard_normal((2, 400_000))
+    assert_allclose(np.hypot(5.0 + s1, s2).mean() - 5.0, 0.1, rtol=0.05)

@@ -53,6 +53,18 @@ def image(
     return x, values + stderr * random.standard_normal(values.shape), stderr
 
 
+def unlike(count: int, noise: float, seed: int) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Pixels of iron, gold, glass and PVC of any roughness, as `image` gives them."""
+    random = np.random.default_rng(seed)
+    index = np.array([(2.95, 2.932), (0.18, 3.4), (1.525, 0.0), (1.54, 0.0)])[np.arange(count) % 4]
+    weights = random.uniform([0.5, 0.02, 0.0], [0.9, 0.3, 0.1], (count, 3))
+    sigma = random.uniform(0.05, 0.6, (count, 1))
+    x = np.column_stack([sigma, index * random.uniform(0.95, 1.05, (count, 2)), weights])
+    values = light(x, WIDE)
+    stderr = np.broadcast_to(np.hypot(1e-5, noise * values[..., :1]), values.shape)
+    return x, values + stderr * random.standard_normal(values.shape), stderr
+
+
 def light(
     x: FloatArray,
     family: SurfaceFamily = METAL,
@@ -167,6 +179,36 @@ def test_parts_do_not_change_the_result(monkeypatch: pytest.MonkeyPatch) -> None
     assert_same(fit_many(DIRECTIONS, values, METAL, stderr=stderr), whole)
 
 
+def test_neither_order_nor_parts_change_the_result(monkeypatch: pytest.MonkeyPatch) -> None:
+    _, values, stderr = unlike(160, 3e-2, seed=4)
+    stderr = stderr * np.random.default_rng(0).uniform(1.0, 30.0, (160, 1, 1))
+    measured = np.ones((160, 31), bool)
+    measured[::3, :5], measured[1::3, 20:] = False, False
+    whole = fit_many(DIRECTIONS, values, WIDE, stderr=stderr, measured=measured)
+    order = np.random.default_rng(1).permutation(160)
+    monkeypatch.setattr(image_fits, "_PART", 16)
+    monkeypatch.setattr(pixel_fits, "_AT_ONCE", 7)
+    with ThreadPoolExecutor(1) as executor:
+        shuffled = fit_many(
+            DIRECTIONS,
+            values[order],
+            WIDE,
+            stderr=stderr[order],
+            measured=measured[order],
+            executor=executor,
+        )
+    assert_array_equal(shuffled.status, whole.status[order])
+    assert_allclose(shuffled.chi_square, whole.chi_square[order], rtol=1e-6)
+
+
+def test_the_best_optimum_is_found_whatever_the_seed() -> None:
+    _, values, stderr = unlike(240, 1e-2, seed=0)
+    _, noisy, noisy_stderr = unlike(240, 3e-2, seed=1)
+    values, stderr = np.concatenate([values, noisy]), np.concatenate([stderr, noisy_stderr])
+    chi_square = np.array([fit_many(DIRECTIONS, values, WIDE, stderr=stderr, seed=s).chi_square for s in range(5)])
+    assert (chi_square - chi_square.min(axis=0) < 0.01).mean() >= 0.993
+
+
 def test_other_processes_give_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
     _, values, stderr = image(20, IRON, LOSSY)
     values[3] = 0.0
@@ -222,8 +264,8 @@ def test_what_has_no_answer_gets_none_and_harms_no_other() -> None:
     values[3], values[4], values[5, 1:], measured[5, 0] = 0.0, 65535.0, 0.25, False
     values[6, :, 1:] = 0.0
     result = fit_many(DIRECTIONS, values, METAL, stderr=stderr, measured=measured)
-    expected = [Status.FITTED, Status.TOO_FEW, Status.TOO_FEW, *[Status.ONE_VALUE] * 3]
-    assert_array_equal(result.status[:6], expected)
+    expected = [Status.FITTED, Status.TOO_FEW, Status.TOO_FEW, *[Status.ONE_VALUE] * 3, Status.UNPOLARIZED]
+    assert_array_equal(result.status, [*expected, Status.FITTED])
     assert_array_equal(result.settled, result.status == 0)
     lost = ~result.settled
     for array in (result.parameters, result.stderr, result.chi_square):
@@ -231,6 +273,37 @@ def test_what_has_no_answer_gets_none_and_harms_no_other() -> None:
     assert not result.at_bound[lost].any()
     good = fit_many(DIRECTIONS, values[[0, 7]], METAL, stderr=stderr[[0, 7]])
     assert_allclose(result.parameters[[0, 7]], good.parameters, rtol=1e-6)
+
+
+@pytest.mark.parametrize("observable", [Elements(), Elements((0, 1))])
+def test_without_any_polarization_only_the_index_has_no_answer(observable: Elements) -> None:
+    x, _, _ = image(4, IRON)
+    values = light(x, observable=observable)
+    values[1, :, 1:] = 0.0
+    values[2, 3:, 1:], measured = 0.0, np.ones((4, 31), bool)
+    measured[2, :3] = False
+    result = fit_many(DIRECTIONS, values, METAL, measured=measured, observable=observable)
+    assert_array_equal(result.status[1:3], Status.UNPOLARIZED)
+    assert_array_equal(result.settled, [True, False, False, True])
+    known = lobe_family(("specular", "diffuse"), {"sigma": FREE["sigma"]}, {"n": 2.0, "k": 1.0})
+    assert fit_many(DIRECTIONS, values, known, measured=measured, observable=observable).settled.all()
+
+
+def test_polarization_within_its_errors_meets_the_same_fate_as_one_by_one() -> None:
+    values, stderr = np.zeros((12, 31, 3)), np.full((12, 31, 3), 1e-3)
+    values[:6, :, 0], values[6:, :, 0] = 0.1 / np.pi, 0.3 * np.cos(DIRECTIONS[1])
+    values += stderr * np.random.default_rng(0).standard_normal(values.shape)
+    together = fit_many(DIRECTIONS, values, METAL, stderr=stderr)
+    assert_array_equal(np.unique(together.status), [Status.FITTED, Status.UNDETERMINED])
+    for pixel in range(12):
+        data = Dataset(*DIRECTIONS, values[pixel], stderr[pixel, :, None] ** 2 * np.eye(3))
+        if together.settled[pixel]:
+            found = fit(data, METAL)
+            assert together.chi_square[pixel] <= found.chi_square + 1e-2
+            assert np.isnan(together.stderr[pixel, 1:3]).any()  # open, or at a bound
+        else:
+            with pytest.raises(FitError, match="do not determine"):
+                fit(data, METAL)
 
 
 def test_nothing_to_fit_is_no_error() -> None:
@@ -275,6 +348,34 @@ def test_an_impossible_covariance_is_named() -> None:
     covariance[2, 5] = np.nan
     with pytest.raises(FitError, match="Row 5 of 1 of 4 pixels, the first of them 2: the covariance is not finite"):
         fit_many(DIRECTIONS, values, METAL, covariance=covariance)
+
+
+@pytest.mark.parametrize("entry", [(0, 1), (2, 0)])
+def test_an_asymmetric_covariance_is_refused_as_by_the_fit_of_one(entry: tuple[int, int]) -> None:
+    _, values, stderr = image(4, IRON)
+    covariance = stderr[..., None] ** 2 * np.eye(3)
+    covariance[2, 5][entry] = 0.1 * covariance[2, 5, 0, 0]
+    with pytest.raises(FitError, match="the covariance is not symmetric"):
+        Dataset(*DIRECTIONS, values[2], covariance[2])
+    message = "Row 5 of 1 of 4 pixels, the first of them 2: the covariance is not symmetric"
+    with pytest.raises(FitError, match=message):
+        fit_many(DIRECTIONS, values, METAL, covariance=covariance)
+    with pytest.raises(FitError, match="Row 5 of all pixels: the covariance is not symmetric"):
+        fit_many(DIRECTIONS, values, METAL, covariance=covariance[2])
+    measured = np.ones((4, 31), bool)
+    measured[2, 5] = False
+    assert fit_many(DIRECTIONS, values, METAL, covariance=covariance, measured=measured).settled.all()
+    covariance[2, 5][entry] = 1e-12 * covariance[2, 5, 0, 0]  # of rounding
+    assert fit_many(DIRECTIONS, values, METAL, covariance=covariance).settled.all()
+
+
+def test_priors_without_errors_are_refused_as_by_the_fit_of_one() -> None:
+    _, values, _ = image(4, IRON)
+    family = lobe_family(LOBES, FREE, prior={"n": (3.0, 0.1)})
+    with pytest.raises(FitError, match="cannot be weighed"):
+        fit(Dataset(*DIRECTIONS, values[0]), family)
+    with pytest.raises(FitError, match=r"What is known of n beforehand cannot be weighed .* Nothing was fitted"):
+        fit_many(DIRECTIONS, values, family)
 
 
 def test_wrong_shapes_and_choices_are_refused() -> None:

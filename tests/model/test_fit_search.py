@@ -202,3 +202,18 @@ def test_cones_are_resolved_as_the_surface_asks() -> None:
     assert_allclose(own[0].T, seen.seen(IRON).stokes(*at)[:, :3], rtol=1e-12, atol=1e-15)
     assert_allclose(fine, own, rtol=1e-3, atol=1e-5)
     assert np.abs(fine - own).max() > 0.0
+
+
+@pytest.mark.parametrize("k", [0.515, 1.757])
+def test_a_cone_brings_back_the_k_that_single_directions_have_lost(k: float) -> None:
+    # Seen by single directions the narrow lobe is another one, without k; and at k = 0 nothing has a slope by k.
+    seen = lobe_family(LOBES, METAL.free, bounces=4, detector_half_angle_rad=0.0564)
+    truth = {"sigma": 0.06, "n": 4.2, "k": k, "rho_s": 0.95, "rho_d": 0.45, "rho_dd": 0.16}
+    exit_rad, azimuth_rad = (np.tile(angle, 2) for angle in in_plane(np.radians(np.arange(-40.0, 76.0, 4.0))))
+    at = np.repeat(np.radians([40.0, 65.0]), len(exit_rad) // 2), exit_rad, azimuth_rad
+    stokes = seen.seen(truth).stokes(*at)[:, :3]
+    stddev = 1e-3 * np.hypot(stokes[:, :1], 1e-2 * stokes[:, 0].max()) * np.ones(3)
+    for seed in range(3):
+        noisy = stokes + stddev * np.random.default_rng(seed).standard_normal(stokes.shape)
+        data = Dataset(*at, noisy, stddev[:, :, None] ** 2 * np.eye(3))
+        assert fit(data, seen, seed=seed).chi_square <= fit(data, seen, start=truth).chi_square + 1e-2

@@ -9,20 +9,23 @@ from scipy.optimize import nnls
 
 from model.fit import Dataset, lobe_family
 from model.fit.problem import Problem
-from model.fit.start import genetic_start, non_negative, projected, sobol_starts
+from model.fit.start import genetic_start, sobol_starts
+from model.fit.weights import non_negative, projected
 
 FREE = {"sigma": (0.02, 1.0), "n": (1.0, 6.0), "k": (0.0, 8.0)}
 TRUTH = {"sigma": 0.2, "n": 2.0, "k": 1.0, "rho_s": 0.5, "rho_d": 0.1}
 FIRST = np.zeros(1, np.int64)
 
 
-def problem(free: dict[str, tuple[float, float]] = FREE, objective: str = "stokes") -> Problem:
+def problem(
+    free: dict[str, tuple[float, float]] = FREE, objective: str = "stokes", held: dict[str, float] | None = None
+) -> Problem:
     exits = np.linspace(0.0, 1.0, 20)
     family = lobe_family(("specular", "diffuse"), free)
     stokes = family.seen(TRUTH).stokes(1.0, exits, np.pi)[:, :3]
     covariance = 1e-8 * np.broadcast_to(np.eye(3), (20, 3, 3))
     data = Dataset(np.full(20, 1.0), exits, np.full(20, np.pi), stokes, covariance)
-    return Problem.of(data.compared_by(objective), family)
+    return Problem.of(data.compared_by(objective), lobe_family(("specular", "diffuse"), free, held))
 
 
 def test_starts_are_the_best_of_the_points_and_repeat_with_the_seed() -> None:
@@ -68,6 +71,14 @@ def test_at_the_true_shapes_the_weights_are_the_true_ones() -> None:
     x, cost = projected(problem(), np.array([list(TRUTH.values())]) * [1, 1, 1, 7, 9], 0)
     assert_allclose(x[0], list(TRUTH.values()), rtol=1e-9)
     assert cost[0] < 1e-12
+
+
+@pytest.mark.parametrize("objective", ["normalised", "dolp"])
+def test_at_the_true_shapes_the_weights_of_ratios_are_the_true_ones(objective: str) -> None:
+    ratios = problem(objective=objective, held={"rho_s": 0.5})
+    x, cost = projected(ratios, np.array([[0.2, 2.0, 1.0, 7.0], [0.2, 2.0, 1.0, 0.0]]), 0)
+    assert_allclose(x, [[0.2, 2.0, 1.0, 0.1]] * 2, rtol=1e-6)
+    assert (cost < 1e-12).all()
 
 
 def test_the_genetic_search_ends_near_the_truth() -> None:
