@@ -24,6 +24,7 @@ interop: .venv/installed .venv-interop/installed
 
 bench: .venv/installed .venv-bench/installed
 	$(BIN)/python benchmarks/scan.py
+	$(BIN)/python benchmarks/effects.py
 
 bench-model: .venv/installed .venv-bench/installed
 	$(BIN)/python benchmarks/model_cost.py --plot docs/model_cost.png

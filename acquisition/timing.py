@@ -65,6 +65,18 @@ class WheelTiming:
 
 
 @dataclass(frozen=True)
+class SliderTiming:
+    """A slider of slots in a row, `slot_s` for each neighbour."""
+
+    slot_s: float
+    settle_s: float
+
+    def move_s(self, start: int, end: int) -> float:
+        """Duration of the slider's move."""
+        return abs(start - end) * self.slot_s
+
+
+@dataclass(frozen=True)
 class RotatorTiming:
     """A rotator whose slots are angles."""
 

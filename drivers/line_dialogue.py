@@ -49,12 +49,12 @@ class LineDialogue:
         self._end_cut_command = end_cut_command
         self._identities_to_come = 0
         self._in_step = True  # nothing was asked yet; `begin` has it proven
+        link.on_reopen(self._forget)
 
     def begin(self) -> None:
         """Forget what was asked for and have it proven, before the next question, that answers belong to questions."""
         self._link.discard_input()
-        self._identities_to_come = 0
-        self._in_step = False
+        self._forget()
 
     def tell(self, command: str) -> None:
         """Send a command that has no answer."""
@@ -72,8 +72,14 @@ class LineDialogue:
         frame = self._link.poll_until(self._answer_end)
         return None if frame is None else self._accept(frame, read)
 
-    def query(self, question: str, read: Callable[[str], T]) -> T:
-        """Send a question and return what `read` makes of its answer; an answer that `read` refuses is not trusted."""
+    def query(self, question: str, read: Callable[[str], T], *, safe_to_repeat: bool = False) -> T:
+        """Send a question and return what `read` makes of its answer; an answer that `read` refuses is not trusted.
+
+        A question whose answer stays the same until something else happens is safe to repeat when its answer was lost;
+        one whose answer is gone once it was sent, such as the next error of a queue, is not.
+        """
+        if safe_to_repeat:
+            return self._link.until_answered(lambda: self.query(question, read))
         self.ask(question)
         return self._accept(self._link.read_until(self._answer_end), read)
 
@@ -81,6 +87,10 @@ class LineDialogue:
         value = read(_text(frame))
         self._in_step = True
         return value
+
+    def _forget(self) -> None:
+        self._identities_to_come = 0
+        self._in_step = False
 
     def _resynchronise(self) -> None:
         self._in_step = False

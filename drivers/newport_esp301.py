@@ -65,9 +65,9 @@ class NewportEsp301:
         self._dialogue.tell(command)
         self.clock.sleep(_LINE_PAUSE_S)
 
-    def query(self, question: str, read: Callable[[str], T]) -> T:
+    def query(self, question: str, read: Callable[[str], T], *, safe_to_repeat: bool) -> T:
         """Send a question and return what `read` makes of the line that answers it."""
-        return self._dialogue.query(question, read)
+        return self._dialogue.query(question, read, safe_to_repeat=safe_to_repeat)
 
     def stop(self, number: int) -> None:
         """Stop one axis, whatever was sent before."""
@@ -97,11 +97,15 @@ class NewportEsp301:
 
     def _pop_errors(self) -> list[ControllerError]:
         errors: list[ControllerError] = []
-        while (error := self.query("TB?", lambda line: parse_error(self._link.device, line))) is not None:
+        while (error := self._next_error()) is not None:
             errors.append(error)
             if len(errors) > _ERROR_QUEUE_DEPTH:
                 raise unusable(self._link.device, "TB?", str(error), "the end of a queue of ten errors")
         return errors
+
+    def _next_error(self) -> ControllerError | None:
+        # the question takes the error out of the queue: asked again, it would lose one
+        return self.query("TB?", lambda line: parse_error(self._link.device, line), safe_to_repeat=False)
 
 
 class Esp301Stage:
@@ -216,7 +220,7 @@ class Esp301Stage:
 
     def _query(self, question: str, read: Callable[[str, str, str], T]) -> T:
         question = f"{self._number}{question}"
-        return self._controller.query(question, lambda answer: read(self.name, question, answer))
+        return self._controller.query(question, lambda answer: read(self.name, question, answer), safe_to_repeat=True)
 
 
 def _stage_model(device: str, question: str, answer: str) -> str:

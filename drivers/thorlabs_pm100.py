@@ -66,6 +66,8 @@ class ThorlabsPm100:
         self._averaged: int | None = None
         self._deadline = Deadline(clock, 0.0)
         self._reading_w: float | None = None
+        self._wavelength_nm: float | None = None
+        link.on_reopen(self._forget)
 
     def connect(self) -> tuple[str, ...]:
         """Check that a Thorlabs meter answers, empty its error queue, set watts and automatic range.
@@ -111,6 +113,7 @@ class ThorlabsPm100:
         held_nm = self._query("SENS:CORR:WAV?", number)
         if abs(held_nm - wavelength_nm) > 0.5:  # some meters hold whole nanometres
             raise unusable(self.name, "SENS:CORR:WAV?", f"{held_nm:g}", f"the {wavelength_nm:g} nm just set")
+        self._wavelength_nm = wavelength_nm
 
     def start_reading(self, exposure_s: float) -> None:
         """Begin a reading averaged over the whole number of samples, one at least, nearest to `exposure_s`.
@@ -190,9 +193,31 @@ class ThorlabsPm100:
             )
         return self._reading_w
 
+    def reconnect(self) -> tuple[str, ...]:
+        """Open the port afresh, once, and set the meter up again, for it may have been switched off meanwhile.
+
+        Returns
+        -------
+        tuple of str
+            The errors that were in its queue.
+
+        Raises
+        ------
+        NotConnectedError
+            When the port cannot be opened.
+        """
+        self._link.reopen()
+        errors = self.connect()
+        if self._wavelength_nm is not None:
+            self.set_wavelength_nm(self._wavelength_nm)
+        return errors
+
     def close(self) -> None:
         """Close the port."""
         self._link.close()
+
+    def _forget(self) -> None:
+        self._averaged = self._reading_w = None
 
     def _pop_errors(self) -> list[str]:
         errors: list[str] = []

@@ -34,7 +34,8 @@ def connected(rig: Rig, ports: Mapping[str, str], clock: Clock, wavelength_nm: f
     """
     with ExitStack() as open_devices:
         bench = Connecting(ports, clock, wavelength_nm, open_devices)
-        for name, entry in rig.devices.items():
+        # a rotating analyzer is carried by an axis that another device turns
+        for name, entry in sorted(rig.devices.items(), key=lambda item: item[1].part != "axes"):
             entry.connect(name, bench)
         (analyzer,), (detector,) = bench.analyzers.values(), bench.detectors.values()
         axes = bench.axes

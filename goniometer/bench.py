@@ -67,7 +67,7 @@ def access(setup: Setup, speed: Speed | None) -> Iterator[BenchAccess]:
         When a bench served elsewhere does not answer.
     """
     rig = setup.rig
-    ports = {name: device.port for name, device in rig.devices.items()}
+    ports = {name: device.port for name, device in rig.devices.items() if device.port}
     if rig.bench is not None:
         _refuse_speed(speed, setup, "the bench is served by another process: give --speed to goniometer simulate")
         clock = RemoteClock(rig.bench)
@@ -89,6 +89,7 @@ def served_ports(rig: Rig, bench: SimulatedBench) -> dict[str, str]:
     return {
         name: bench.addresses[name].tcp if device.port == "simulated" else device.port
         for name, device in rig.devices.items()
+        if device.port
     }
 
 

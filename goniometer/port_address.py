@@ -12,10 +12,10 @@ from pydantic import AfterValidator
 _SERIAL_PORT = re.compile(r"COM[1-9]\d{0,2}|/dev/\S+")
 
 
-def _socket_host(address: str) -> str:
-    """Host of a ``socket://host:port`` address; ValueError when it is not one."""
+def _socket_host(address: str, *schemes: str) -> str:
+    """Host of an address such as ``socket://host:port``; ValueError when it is not one."""
     parts = urlsplit(address)
-    if parts.scheme != "socket" or not parts.hostname or not parts.port or parts.path:
+    if parts.scheme not in schemes or not parts.hostname or not parts.port or parts.path:
         raise ValueError
     return parts.hostname
 
@@ -24,18 +24,18 @@ def _check_port(port: str) -> str:
     if port == "simulated" or _SERIAL_PORT.fullmatch(port):
         return port
     try:
-        _socket_host(port)
+        _socket_host(port, "socket", "modbus-tcp")
     except ValueError:
         raise ValueError(
             f"got {port!r}; allowed: a serial port such as COM3 or /dev/ttyUSB0, a serial server such as "
-            "socket://192.168.0.10:4001, or simulated"
+            "socket://192.168.0.10:4001, modbus-tcp://192.168.0.10:502 for Modbus TCP, or simulated"
         ) from None
     return port
 
 
 def _check_loopback(address: str) -> str:
     try:
-        host = _socket_host(address)
+        host = _socket_host(address, "socket")
         is_loopback = host == "localhost" or ipaddress.ip_address(host).is_loopback
     except ValueError:
         is_loopback = False

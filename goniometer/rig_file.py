@@ -68,7 +68,7 @@ class Rig(Section):
         first: dict[tuple[str, str | None], str] = {}
         ports: dict[str, str] = {}
         for name, device in self.devices.items():
-            if device.port == "simulated":
+            if device.port in ("", "simulated"):
                 continue
             neighbour = ports.setdefault(device.port, name)
             other = first.setdefault((device.port, device.place), name)

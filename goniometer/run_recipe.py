@@ -181,6 +181,6 @@ def _about(setup: Setup, scene_text: str) -> dict[str, str]:
         "python": platform.python_version(),
         "platform": platform.platform(),
     }
-    for package in ("goniometer", "numpy", "scipy", "pyserial", "pymodbus"):
+    for package in ("goniometer", "numpy", "scipy", "pyserial"):
         about[package] = importlib.metadata.version(package)
     return about

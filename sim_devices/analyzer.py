@@ -30,15 +30,22 @@ class WheelAnalyzer:
     ----------
     slots : mapping of int to float or str
         A polarizer's angle from s in degrees, "open" or "blocked", by slot.
+
+    Attributes
+    ----------
+    wheel : Wheel
+        What turns.
+    rows : dict of int to ndarray or None
+        What each slot holds, as `row` has it.
     """
 
     def __init__(self, slots: Mapping[int, float | Literal["open", "blocked"]]) -> None:
         self.wheel = Wheel()
-        self._rows = {slot: analyzer_row(holds) for slot, holds in slots.items()}
+        self.rows = {slot: analyzer_row(holds) for slot, holds in slots.items()}
 
     def row(self, time_s: float) -> Row | None:
         """The row of the slot in the beam; None while the wheel turns."""
-        return self._rows.get(self.wheel.slot(time_s) or 0)
+        return self.rows.get(self.wheel.slot(time_s) or 0)
 
 
 class RotatingPolarizer:
@@ -49,7 +56,7 @@ class RotatingPolarizer:
 
     def row(self, time_s: float) -> Row | None:
         """The row of the polarizer where it is."""
-        return analyzer_row(self.axis.position_deg(time_s))
+        return analyzer_row(self.axis.motor_deg(time_s))
 
 
 def analyzer_row(slot: float | Literal["open", "blocked"]) -> Row | None:
@@ -60,3 +67,10 @@ def analyzer_row(slot: float | Literal["open", "blocked"]) -> Row | None:
         return np.array([1.0, 0.0, 0.0, 0.0])
     twice_rad = 2 * math.radians(slot)
     return 0.5 * np.array([1.0, math.cos(twice_rad), math.sin(twice_rad), 0.0])
+
+
+def turned(row: Row, angle_deg: float) -> Row:
+    """First row of the Mueller matrix of an element that is turned by `angle_deg` from s towards p."""
+    twice_rad = 2 * math.radians(angle_deg)
+    cos, sin = math.cos(twice_rad), math.sin(twice_rad)
+    return np.array([row[0], row[1] * cos - row[2] * sin, row[1] * sin + row[2] * cos, row[3]])

@@ -6,10 +6,12 @@ import os
 from dataclasses import dataclass
 from types import TracebackType
 
+from goniometer.errors import DeviceFaultError
 from sim_devices.clock import BenchClock
 from sim_devices.device import Device
 from sim_devices.reactor import Reactor
 from sim_devices.scene import Scene
+from sim_devices.shared_line import SharedLine
 from sim_devices.world import World
 
 
@@ -47,19 +49,37 @@ class Bench:
 
     def start(self) -> None:
         """Open the ports and begin to serve them; once only."""
-        for name, device in self.world.devices.items():
-            self.addresses[name] = Address(self.listen(device), self._pty(device))
+        for names in self._lines():
+            members = [self.world.devices[name] for name in names]
+            device = members[0] if len(members) == 1 else SharedLine(members)
+            scheme = self.world.scene.devices[names[0]].scheme
+            address = Address(self.listen(device, scheme), self._pty(device) if scheme == "socket" else None)
+            self.addresses |= dict.fromkeys(names, address)
         self.clock.attach(self)
         self._reactor.start()
 
     def stop(self) -> None:
-        """Close every port; raises DeviceFaultError when an error in the bench's own code had stopped it before."""
+        """Close every port.
+
+        Raises
+        ------
+        DeviceFaultError
+            When an error in the bench's own code had stopped it before, or parts of the bench have touched.
+        """
         self._reactor.stop()
         self._reactor.raise_failure()
+        watch = self.world.contact_watch
+        if watch is not None and (contact := watch.look(self.clock.now())) is not None:
+            raise DeviceFaultError(
+                "simulated bench",
+                f"{contact.parts} touched after {contact.time_s:.3f} s",
+                not_done="nothing was hindered here; a real bench would be damaged",
+                to_do="name the angles where parts would touch in collision_zones in the rig file",
+            )
 
-    def listen(self, device: Device) -> str:
+    def listen(self, device: Device, scheme: str = "socket") -> str:
         """Serve one more device; returns its URL."""
-        return f"socket://127.0.0.1:{self._reactor.listen(device)}"
+        return f"{scheme}://127.0.0.1:{self._reactor.listen(device)}"
 
     def serve(self) -> None:
         """Take everything that clients have sent, and answer what is due, in the caller's thread."""
@@ -77,6 +97,14 @@ class Bench:
         self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
     ) -> None:
         self.stop()
+
+    def _lines(self) -> list[list[str]]:
+        """The names of the devices that share a port, one list a port."""
+        lines: dict[str, list[str]] = {}
+        for name in self.world.devices:
+            line = self.world.scene.devices[name].line
+            lines.setdefault(f"device {name}" if line is None else f"line {line}", []).append(name)
+        return list(lines.values())
 
     def _pty(self, device: Device) -> str | None:
         if not hasattr(os, "openpty"):

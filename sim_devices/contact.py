@@ -7,11 +7,14 @@ from dataclasses import dataclass
 
 from pydantic import Field
 
-from sim_devices.axis import Axis
+from sim_devices.axis import AngleOfTime, Axis
 from sim_devices.scene_part import ScenePart
 
 _SHORTEST_S = 1e-4
 """Parts that would touch for less than that are taken to have missed each other."""
+
+_CAUTION = 1.5
+"""How much faster than its motor an arm may be while it bends or its gear takes up play."""
 
 
 class Bodies(ScenePart):
@@ -23,15 +26,15 @@ class Bodies(ScenePart):
         gt=45, le=180, description="angle from the sample's normal at which the frame of its table stands, in degrees"
     )
 
-    def clearances_deg(self, source_arm_deg: float, detector_arm_deg: float) -> dict[str, float]:
-        """Room between each two parts that can touch, in degrees; negative where they overlap."""
+    def rooms_deg(self, source_arm_deg: float, detector_arm_deg: float) -> tuple[tuple[float, str], ...]:
+        """Room between each two parts that can touch, in degrees, negative where they overlap; and which they are."""
         # the source stands at minus the angle of incidence
-        between = abs(source_arm_deg + detector_arm_deg) - self.source_arm_half_deg - self.detector_arm_half_deg
-        return {
-            "source arm and detector arm": between,
-            "source arm and frame": self.frame_deg - abs(source_arm_deg) - self.source_arm_half_deg,
-            "detector arm and frame": self.frame_deg - abs(detector_arm_deg) - self.detector_arm_half_deg,
-        }
+        between_deg = abs(source_arm_deg + detector_arm_deg)
+        return (
+            (between_deg - self.source_arm_half_deg - self.detector_arm_half_deg, "source arm and detector arm"),
+            (self.frame_deg - abs(source_arm_deg) - self.source_arm_half_deg, "source arm and frame"),
+            (self.frame_deg - abs(detector_arm_deg) - self.detector_arm_half_deg, "detector arm and frame"),
+        )
 
 
 @dataclass(frozen=True)
@@ -43,14 +46,16 @@ class Contact:
 
 
 class ContactWatch:
-    """Looks at what the axes did, each time before they are told something else.
+    """Looks at what the arms did, each time before one of them is told something else.
 
     Parameters
     ----------
     bodies : Bodies
         The parts.
-    axes : mapping of str to WatchedAxis
-        The axes by role; they may be added later.
+    axes : mapping of str to Axis
+        What turns the arms, by role.
+    angle_deg : mapping of str to callable
+        Where the arms truly are at a time, by role.
 
     Attributes
     ----------
@@ -58,10 +63,14 @@ class ContactWatch:
         The first one.
     """
 
-    def __init__(self, bodies: Bodies, axes: Mapping[str, WatchedAxis]) -> None:
-        self._bodies, self._axes = bodies, axes
+    def __init__(self, bodies: Bodies, axes: Mapping[str, Axis], angle_deg: Mapping[str, AngleOfTime]) -> None:
+        self._bodies = bodies
+        self._arms = (axes["source_arm"], axes["detector_arm"])
+        self._angles_deg = (angle_deg["source_arm"], angle_deg["detector_arm"])
         self._looked_s = 0.0
         self.contact: Contact | None = None
+        for arm in self._arms:
+            arm.before_motion.append(self._look_back)
 
     def look(self, now_s: float) -> Contact | None:
         """The first contact up to now."""
@@ -70,54 +79,19 @@ class ContactWatch:
         self._looked_s = max(self._looked_s, now_s)
         return self.contact
 
-    def _clearances_deg(self, time_s: float) -> dict[str, float]:
-        return self._bodies.clearances_deg(
-            self._axes["source_arm"].position_deg(time_s), self._axes["detector_arm"].position_deg(time_s)
-        )
+    def _look_back(self, start_s: float) -> None:
+        self.look(start_s)
 
     def _first(self, begin_s: float, end_s: float) -> Contact | None:
         """Step by step as far as the room that there is cannot have been used up."""
-        arms = (self._axes["source_arm"], self._axes["detector_arm"])
-        end_s = min(end_s, max(arm.end_s for arm in arms))
-        fastest_deg_s = sum(arm.fastest_deg_s for arm in arms)
+        profiles = [arm.profile(time_s) for arm in self._arms for time_s in (begin_s, end_s)]
+        end_s = min(end_s, max(profile.end_s for profile in profiles))
+        closing_deg_s = _CAUTION * sum(profile.fastest_deg_s for profile in profiles)
         time_s = begin_s
         while time_s <= end_s:
-            parts, room_deg = min(self._clearances_deg(time_s).items(), key=lambda item: item[1])
+            source_deg, detector_deg = (angle(time_s) for angle in self._angles_deg)
+            room_deg, parts = min(self._bodies.rooms_deg(source_deg, detector_deg))
             if room_deg < 0:
                 return Contact(parts, time_s)
-            time_s += max(room_deg / fastest_deg_s, _SHORTEST_S) if fastest_deg_s else end_s
+            time_s += max(room_deg / closing_deg_s, _SHORTEST_S) if closing_deg_s else end_s
         return None
-
-
-class WatchedAxis(Axis):
-    """An axis whose past is looked at before it is told where to go next."""
-
-    def __init__(self, step_deg: float, watch: ContactWatch) -> None:
-        super().__init__(step_deg)
-        self._watch = watch
-        self.fastest_deg_s = 0.0
-
-    def move(
-        self,
-        target_deg: float,
-        now_s: float,
-        *,
-        velocity_deg_s: float,
-        acceleration_deg_s2: float,
-        deceleration_deg_s2: float,
-    ) -> None:
-        """Go to the encoder step nearest to `target_deg`, from whatever motion is under way."""
-        self._watch.look(now_s)
-        self.fastest_deg_s = max(self.fastest_deg_s, velocity_deg_s)
-        super().move(
-            target_deg,
-            now_s,
-            velocity_deg_s=velocity_deg_s,
-            acceleration_deg_s2=acceleration_deg_s2,
-            deceleration_deg_s2=deceleration_deg_s2,
-        )
-
-    def stop(self, now_s: float, *, deceleration_deg_s2: float) -> None:
-        """Decelerate to rest, and forget every motion that was to follow."""
-        self._watch.look(now_s)
-        super().stop(now_s, deceleration_deg_s2=deceleration_deg_s2)

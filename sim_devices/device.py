@@ -2,15 +2,21 @@
 
 from __future__ import annotations
 
-from typing import Protocol
+from collections.abc import Callable, Sequence
+from typing import Protocol, TypeAlias
 
 Replies = list[tuple[float, bytes]]
+
+# What a device says on its own, once something has happened: called with the time it was due at, it returns what is
+# said then, or nothing when the occasion is gone, and perhaps what may follow. Virtual time never goes there by itself.
+Later: TypeAlias = "Callable[[float], Sequence[Due]]"
+Due: TypeAlias = "tuple[float, bytes | Later]"
 
 
 class Session(Protocol):
     """One client's conversation with a device; it owns at most what has arrived of an unfinished command."""
 
-    def receive(self, data: bytes, now_s: float) -> Replies:
+    def receive(self, data: bytes, now_s: float) -> Sequence[Due]:
         """Take what has arrived and return the replies with the times at which they are due, in order."""
         ...
 

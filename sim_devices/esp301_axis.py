@@ -1,68 +1,18 @@
-"""One axis of the simulated ESP301: its settings, its limits and the commands that are addressed to it."""
+"""One axis of the simulated ESP301: its motions, its limits and the commands that are addressed to it."""
 
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Callable
 from typing import ClassVar
 
 from sim_devices.axis import Axis
+from sim_devices.esp301_parameter import Esp301Error, axis_error, require_query, to_choice, to_number
+from sim_devices.esp301_settings import DEFAULTS, Esp301Settings
 
 _STAGE = "URS150CC, SN1234"
 _HARDWARE_LIMIT_DEG = 175.0
 _INDEX_SEARCH_S = 2.0
-_LARGEST_JERK = 1e5
-_NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)(E[+-]?\d{1,2})?")
-
-# degrees, and their derivatives; the numbers of a URS stage
-_DEFAULTS = {
-    "VU": 20.0,
-    "AU": 320.0,
-    "VA": 20.0,
-    "AC": 80.0,
-    "AG": 80.0,
-    "AE": 320.0,
-    "JK": 800.0,
-    "OH": 5.0,
-    "JH": 10.0,
-    "JW": 2.0,
-    "SL": -170.0,
-    "SR": 170.0,
-    "FE": 1.0,
-}
-# a setting that may not exceed another, and the error if it would
-_CEILINGS = {
-    "VA": ("VU", 10),
-    "OH": ("VU", 10),
-    "JH": ("VU", 10),
-    "JW": ("VU", 10),
-    "AC": ("AU", 11),
-    "AG": ("AU", 11),
-    "AE": ("AU", 11),
-}
-_SPEEDS = ("VU", "VA", "OH", "JH", "JW")
-
-
-class Esp301Error(Exception):
-    """A command that is refused; `code` counts from the axis' hundred when `of_axis`."""
-
-    def __init__(self, code: int, *, of_axis: bool = False) -> None:
-        super().__init__(code)
-        self.code, self.of_axis = code, of_axis
-
-
-def to_number(parameter: str) -> float:
-    """Read a command's parameter; error 38 when there is none, 7 when it is not a number."""
-    if not parameter:
-        raise Esp301Error(38)
-    if not _NUMBER.fullmatch(parameter):
-        raise Esp301Error(7)
-    return float(parameter)
-
-
-def _axis_error(code: int) -> Esp301Error:
-    return Esp301Error(code, of_axis=True)
 
 
 class Esp301Axis:
@@ -78,8 +28,7 @@ class Esp301Axis:
         self._set_defaults()
 
     def _set_defaults(self) -> None:
-        self._settings = dict(_DEFAULTS)
-        self._unit, self._deg_per_unit = 7, 1.0
+        self._settings = Esp301Settings(self._axis.step_deg)
         self._home_mode = 1
         self._homing_end_s: float | None = None
         self._zero_after_homing = False
@@ -136,10 +85,10 @@ class Esp301Axis:
 
     def passes_at(self, parameter: str, now_s: float) -> float:
         """When the motion under way passes a position; error 1 when it never does."""
-        position_deg = to_number(parameter) * self._deg_per_unit + self._zero_deg
+        position_deg = to_number(parameter) * self._settings.deg_per_unit + self._zero_deg
         time_s = self._axis.passes_at(position_deg, now_s)
         if time_s is None:
-            raise _axis_error(1)
+            raise axis_error(1)
         return time_s
 
     def _halt(self, now_s: float, deceleration_deg_s2: float) -> None:
@@ -150,14 +99,11 @@ class Esp301Axis:
             self._homing_end_s = None
             self._faults.append((20, now_s))
 
-    def _text(self, degrees: float) -> str:
-        return f"{round(degrees / self._deg_per_unit, 6) + 0.0:.6f}"
-
     def _require_ready(self) -> None:
         if self._homing_end_s is not None:
-            raise _axis_error(30)
+            raise axis_error(30)
         if not self.powered:
-            raise _axis_error(13)
+            raise axis_error(13)
 
     def _go(self, target_deg: float, now_s: float, *, velocity_deg_s: float, limit_ahead: int | None = None) -> None:
         """Move to a position of the stage, or as far towards it as the limit switches allow."""
@@ -176,19 +122,19 @@ class Esp301Axis:
     def _move_to(self, position_deg: float, now_s: float) -> None:
         self._require_ready()
         if position_deg > self._settings["SR"]:
-            raise _axis_error(6)
+            raise axis_error(6)
         if position_deg < self._settings["SL"]:
-            raise _axis_error(7)
+            raise axis_error(7)
         self._go(position_deg + self._zero_deg, now_s, velocity_deg_s=self._settings["VA"])
 
     def _move_absolute(self, _: str, parameter: str, now_s: float) -> str | None:
         if parameter == "?":
-            return self._text(self._axis.target_deg - self._zero_deg)
-        self._move_to(to_number(parameter) * self._deg_per_unit, now_s)
+            return self._settings.text(self._axis.target_deg - self._zero_deg)
+        self._move_to(to_number(parameter) * self._settings.deg_per_unit, now_s)
         return None
 
     def _move_relative(self, _: str, parameter: str, now_s: float) -> None:
-        way_deg = to_number(parameter) * self._deg_per_unit
+        way_deg = to_number(parameter) * self._settings.deg_per_unit
         self._move_to(self._axis.target_deg - self._zero_deg + way_deg, now_s)
 
     def _move_indefinitely(self, mnemonic: str, parameter: str, now_s: float) -> None:
@@ -204,11 +150,11 @@ class Esp301Axis:
         self._go(target_deg, now_s, velocity_deg_s=self._settings["VA"], limit_ahead=limit)
 
     def _home(self, _: str, parameter: str, now_s: float) -> None:
-        mode = _choice(parameter, range(7)) if parameter else self._home_mode
+        mode = to_choice(parameter, range(7)) if parameter else self._home_mode
         if self._homing_end_s is not None:
-            raise _axis_error(30)
+            raise axis_error(30)
         if not self.powered:
-            raise _axis_error(20)
+            raise axis_error(20)
         target_deg = self._zero_deg if mode == 0 else 0.0
         if mode >= 3:
             target_deg = _HARDWARE_LIMIT_DEG if mode in (3, 5) else -_HARDWARE_LIMIT_DEG
@@ -219,7 +165,7 @@ class Esp301Axis:
     def _home_mode_setting(self, _: str, parameter: str, now_s: float) -> str | None:
         if parameter == "?":
             return str(self._home_mode)
-        self._home_mode = _choice(parameter, range(7))
+        self._home_mode = to_choice(parameter, range(7))
         return None
 
     def _motor(self, mnemonic: str, parameter: str, now_s: float) -> str | None:
@@ -235,71 +181,44 @@ class Esp301Axis:
 
     def _define_position(self, _: str, parameter: str, now_s: float) -> None:
         if self._homing_end_s is not None:
-            raise _axis_error(30)
+            raise axis_error(30)
         position = to_number(parameter) if parameter else 0.0
-        self._zero_deg = self._axis.position_deg(now_s) - position * self._deg_per_unit
+        self._zero_deg = self._axis.position_deg(now_s) - position * self._settings.deg_per_unit
 
     def _is_done(self, _: str, parameter: str, now_s: float) -> str:
-        _require_query(parameter)
+        require_query(parameter)
         return str(int(not self.is_busy(now_s)))
 
     def _position(self, _: str, parameter: str, now_s: float) -> str:
-        _require_query(parameter or "?")
+        require_query(parameter or "?")
         step_deg = self._axis.step_deg
-        return self._text(round((self._axis.position_deg(now_s) - self._zero_deg) / step_deg) * step_deg)
+        return self._settings.text(round((self._axis.position_deg(now_s) - self._zero_deg) / step_deg) * step_deg)
 
     def _desired_position(self, _: str, parameter: str, now_s: float) -> str:
-        _require_query(parameter)
-        return self._text(self._axis.position_deg(now_s) - self._zero_deg)
+        require_query(parameter)
+        return self._settings.text(self._axis.position_deg(now_s) - self._zero_deg)
 
     def _velocity(self, _: str, parameter: str, now_s: float) -> str:
-        _require_query(parameter or "?")
-        return self._text(self._axis.velocity_deg_s(now_s))
+        require_query(parameter or "?")
+        return self._settings.text(self._axis.velocity_deg_s(now_s))
 
     def _stage(self, _: str, parameter: str, now_s: float) -> str:
-        _require_query(parameter)
+        require_query(parameter)
         return _STAGE
 
     def _motor_type(self, _: str, parameter: str, now_s: float) -> str:
-        _require_query(parameter)
+        require_query(parameter)
         return "1"
 
     def _resolution(self, _: str, parameter: str, now_s: float) -> str:
-        _require_query(parameter)
-        return f"{self._axis.step_deg / self._deg_per_unit:.7g}"
+        require_query(parameter)
+        return f"{self._axis.step_deg / self._settings.deg_per_unit:.7g}"
 
-    def _unit_setting(self, _: str, parameter: str, now_s: float) -> str | None:
-        if parameter == "?":
-            return str(self._unit)
-        unit = _choice(parameter, range(12))
-        step_deg = self._axis.step_deg
-        sizes = {0: step_deg, 1: step_deg, 7: 1.0, 8: 0.9, 9: math.degrees(1), 10: math.degrees(1e-3)}
-        sizes[11] = math.degrees(1e-6)
-        if unit not in sizes:
-            # a rotation stage has no length
-            raise _axis_error(1)
-        self._unit, self._deg_per_unit = unit, sizes[unit]
-        return None
+    def _unit_setting(self, mnemonic: str, parameter: str, now_s: float) -> str | None:
+        return self._settings.unit(mnemonic, parameter, now_s)
 
     def _setting(self, mnemonic: str, parameter: str, now_s: float) -> str | None:
-        if parameter == "?":
-            return self._text(self._settings[mnemonic])
-        value_deg = to_number(parameter) * self._deg_per_unit
-        if mnemonic in _CEILINGS:
-            ceiling, error = _CEILINGS[mnemonic]
-            # one part in 1e12 for what a change of unit and back does to a number
-            if value_deg > self._settings[ceiling] * (1 + 1e-12):
-                raise _axis_error(error)
-        if mnemonic == "JK" and value_deg > _LARGEST_JERK:
-            raise _axis_error(15)
-        if mnemonic not in ("SL", "SR") and value_deg <= 0:
-            raise _axis_error(24 if mnemonic in _SPEEDS else 1)
-        if (mnemonic == "SL" and value_deg > self._settings["SR"]) or (
-            mnemonic == "SR" and value_deg < self._settings["SL"]
-        ):
-            raise _axis_error(1)
-        self._settings[mnemonic] = value_deg
-        return None
+        return self._settings.setting(mnemonic, parameter, now_s)
 
     COMMANDS: ClassVar[dict[str, Callable[[Esp301Axis, str, str, float], str | None]]] = {
         "PA": _move_absolute,
@@ -319,17 +238,5 @@ class Esp301Axis:
         "QM": _motor_type,
         "SU": _resolution,
         "SN": _unit_setting,
-        **dict.fromkeys(_DEFAULTS, _setting),
+        **dict.fromkeys(DEFAULTS, _setting),
     }
-
-
-def _require_query(parameter: str) -> None:
-    if parameter != "?":
-        raise Esp301Error(7 if parameter else 38)
-
-
-def _choice(parameter: str, allowed: range) -> int:
-    value = to_number(parameter)
-    if value not in allowed:
-        raise Esp301Error(7)
-    return int(value)

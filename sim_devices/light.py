@@ -13,5 +13,5 @@ class Light(Protocol):
         ...
 
     def measure_w(self, time_s: float, exposure_s: float) -> float:
-        """One measurement that begins at `time_s`, through the detector's effects."""
+        """One measurement that begins at `time_s`, through the detector's effects; infinite when it is saturated."""
         ...

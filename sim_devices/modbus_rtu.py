@@ -1,4 +1,4 @@
-"""The server side of Modbus RTU: frames, checksums, and functions on registers of 32-bit items.
+"""Modbus RTU: frames with checksums on a serial line, or the same bytes through TCP.
 
 A byte stream over TCP has no silences, so frames are told by their length and checksum: bytes that no frame can
 begin with are dropped, and the first complete frame behind them counts.
@@ -7,44 +7,19 @@ begin with are dropped, and the first complete frame behind them counts.
 from __future__ import annotations
 
 import struct
-from typing import Protocol
+from collections.abc import Iterator
 
 from sim_devices.device import Replies
+from sim_devices.modbus_functions import BROADCAST, Unit
 
 _SHORTEST_FRAME, _LONGEST_FRAME = 4, 256
-_FIXED_LENGTH = 8
-_MOST_READ, _MOST_WRITTEN, _MOST_WRITTEN_WITH_READ = 125, 123, 121
-BROADCAST = 0
+_SILENCE_CHARACTERS = 3.5
 
-
-class ModbusError(Exception):
-    """A request that is answered with an exception code: 1 function, 2 address, 3 value, 4 device."""
-
-    def __init__(self, code: int) -> None:
-        super().__init__(code)
-        self.code = code
-
-
-class Registers(Protocol):
-    """What a device offers at its addresses. All raise ModbusError."""
-
-    latency_s: float
-
-    def read(self, address: int, count: int, now_s: float) -> list[int]:
-        """Contents of `count` registers."""
-        ...
-
-    def write(self, address: int, values: list[int], now_s: float) -> None:
-        """Write several registers; nothing is written when any of them is refused."""
-        ...
-
-    def write_one(self, address: int, value: int, now_s: float) -> None:
-        """Write a single register."""
-        ...
-
-    def note_bad_frame(self) -> None:
-        """Bytes came that are no frame."""
-        ...
+# lengths of frames by function: fixed ones, and those with a count of bytes at a place that adds to the rest
+_FIXED_REQUESTS = dict.fromkeys((0x01, 0x02, 0x03, 0x04, 0x05, 0x06, 0x08), 8)
+_COUNTED_REQUESTS = {0x0F: (6, 9), 0x10: (6, 9), 0x17: (10, 13)}
+_FIXED_REPLIES = dict.fromkeys((0x05, 0x06, 0x08, 0x0F, 0x10), 8) | dict.fromkeys(range(0x80, 0x100), 5)
+_COUNTED_REPLIES = dict.fromkeys((0x01, 0x02, 0x03, 0x04, 0x17), (2, 5))
 
 
 def _crc_table() -> list[int]:
@@ -67,114 +42,77 @@ def crc16(data: bytes) -> bytes:
     return struct.pack("<H", crc)
 
 
+def exchange_s(unit: Unit, request: bytes, answer: bytes) -> float:
+    """Time of one exchange on the serial line: request and answer framed, the silence between, and the latency."""
+    frames = len(request) + len(answer) + 2 * 3
+    return unit.latency_s + (frames + _SILENCE_CHARACTERS) * unit.character_s
+
+
 class RtuSession:
     """One client of one unit on the bus.
 
     Parameters
     ----------
-    unit : int
-        Address of the device; frames for others are passed over, and broadcasts are obeyed without an answer.
-    registers : Registers
-        The device.
+    unit : Unit
+        The device. Frames for and from other units are passed over, and broadcasts are obeyed without an answer.
     """
 
-    def __init__(self, unit: int, registers: Registers) -> None:
-        self._unit, self._registers = unit, registers
+    def __init__(self, unit: Unit) -> None:
+        self._unit = unit
         self._buffer = b""
+        self._free_s = float("-inf")
 
     def receive(self, data: bytes, now_s: float) -> Replies:
         """Answer every request that is complete."""
-        self._buffer += data
         replies: Replies = []
-        while (frame := self._next_frame()) is not None:
-            unit, request = frame[0], frame[1:-2]
-            if unit not in (self._unit, BROADCAST):
-                continue
-            answer = self._answer(request, now_s)
-            if unit != BROADCAST:
-                body = bytes([unit]) + answer
-                replies.append((now_s + self._registers.latency_s, body + crc16(body)))
+        for start in range(0, len(data), _LONGEST_FRAME):
+            self._buffer += data[start : start + _LONGEST_FRAME]
+            while (frame := self._next_frame()) is not None:
+                replies += self._obey(frame[0], frame[1:-2], now_s)
         return replies
+
+    def _obey(self, unit: int, request: bytes, now_s: float) -> Replies:
+        if unit not in (self._unit.unit, BROADCAST):
+            return []
+        answer = self._unit.answer(request, now_s)
+        if unit == BROADCAST:
+            return []
+        self._free_s = max(now_s, self._free_s) + exchange_s(self._unit, request, answer)
+        body = bytes([unit]) + answer
+        return [(self._free_s, body + crc16(body))]
 
     def _next_frame(self) -> bytes | None:
         """Cut the first complete frame out of what has arrived, and drop what lies before it."""
         # a request for this unit behind bytes that still wait for more proves that these were no frame
         for start in range(len(self._buffer)):
-            length = self._frame_length(start)
-            if length is not None:
-                if start:
-                    self._registers.note_bad_frame()
-                frame, self._buffer = self._buffer[start : start + length], self._buffer[start + length :]
-                return frame
+            for length in self._possible_lengths(start):
+                frame = self._buffer[start : start + length]
+                if _SHORTEST_FRAME <= length == len(frame) <= _LONGEST_FRAME and crc16(frame[:-2]) == frame[-2:]:
+                    if start:
+                        self._unit.note_bad_frame()
+                    self._buffer = self._buffer[start + length :]
+                    return frame
         self._buffer = self._buffer[-_LONGEST_FRAME:]
         return None
 
-    def _frame_length(self, start: int) -> int | None:
-        """Length of the frame that begins at `start`, when it is complete and its checksum is right."""
-        available = len(self._buffer) - start
-        if available < _SHORTEST_FRAME or (start and self._buffer[start] not in (self._unit, BROADCAST)):
-            return None
-        length = _request_length(self._buffer[start:])
-        if length is None:
-            # the length of an unknown function's request is known only when nothing follows it
-            if start:
-                return None
-            length = available
-        if not _SHORTEST_FRAME <= length <= min(available, _LONGEST_FRAME):
-            return None
-        frame = self._buffer[start : start + length]
-        return length if crc16(frame[:-2]) == frame[-2:] else None
-
-    def _answer(self, request: bytes, now_s: float) -> bytes:
-        function = request[0]
-        try:
-            return bytes([function]) + self._run(function, request[1:], now_s)
-        except ModbusError as error:
-            return bytes([function | 0x80, error.code])
-
-    def _run(self, function: int, data: bytes, now_s: float) -> bytes:
-        match function:
-            case 0x03:
-                return self._read(*struct.unpack(">HH", data), now_s=now_s)
-            case 0x06:
-                address, value = struct.unpack(">HH", data)
-                self._registers.write_one(address, value, now_s)
-                return data
-            case 0x08:
-                if data[:2] != b"\0\0":
-                    raise ModbusError(3)
-                return data
-            case 0x10:
-                self._write(data, _MOST_WRITTEN, now_s)
-                return data[:4]
-            case 0x17:
-                # the write comes first, so that what was written can be read back
-                self._write(data[4:], _MOST_WRITTEN_WITH_READ, now_s)
-                return self._read(*struct.unpack(">HH", data[:4]), now_s=now_s)
-            case _:
-                raise ModbusError(1)
-
-    def _read(self, address: int, count: int, *, now_s: float) -> bytes:
-        if not 1 <= count <= _MOST_READ:
-            raise ModbusError(3)
-        values = self._registers.read(address, count, now_s)
-        return struct.pack(f">B{count}H", 2 * count, *values)
-
-    def _write(self, data: bytes, most: int, now_s: float) -> None:
-        address, count, size = struct.unpack(">HHB", data[:5])
-        if not 1 <= count <= most or size != 2 * count:
-            raise ModbusError(3)
-        self._registers.write(address, list(struct.unpack(f">{count}H", data[5:])), now_s)
+    def _possible_lengths(self, start: int) -> Iterator[int]:
+        """Lengths of a frame that begins at `start`, as far as what has come of it tells."""
+        head = self._buffer[start : start + _LONGEST_FRAME]
+        is_for_this = head[0] in (self._unit.unit, BROADCAST)
+        # behind garbage only what this unit must not miss is looked for
+        if len(head) < _SHORTEST_FRAME or (start and not is_for_this):
+            return
+        known = list(_lengths(head, _FIXED_REQUESTS, _COUNTED_REQUESTS))
+        if not is_for_this:
+            known += _lengths(head, _FIXED_REPLIES, _COUNTED_REPLIES)
+        # the length of an unknown function's frame is known only when nothing follows it
+        yield from known if known or start else [len(head)]
 
 
-def _request_length(request: bytes) -> int | None:
-    """Length of a request as its function and byte count tell it; more than there is when the count has not come."""
-    match request[1]:
-        case 0x01 | 0x02 | 0x03 | 0x04 | 0x05 | 0x06 | 0x08:
-            return _FIXED_LENGTH
-        case 0x0F | 0x10:
-            return 9 + request[6] if len(request) > 6 else _LONGEST_FRAME
-        case 0x17:
-            return 13 + request[10] if len(request) > 10 else _LONGEST_FRAME
-        case _:
-            return None
+def _lengths(head: bytes, fixed: dict[int, int], counted: dict[int, tuple[int, int]]) -> Iterator[int]:
+    function = head[1]
+    if function in fixed:
+        yield fixed[function]
+    elif function in counted:
+        place, rest = counted[function]
+        yield rest + head[place] if len(head) > place else _LONGEST_FRAME + 1

@@ -34,6 +34,14 @@ class Profile:
         """Time from which the axis is at rest."""
         return self.start_s + sum(duration_s for duration_s, _ in self.phases)
 
+    @cached_property
+    def fastest_deg_s(self) -> float:
+        """Greatest speed on the way."""
+        speeds_deg_s = [self.start_velocity_deg_s]
+        for duration_s, acceleration in self.phases:
+            speeds_deg_s.append(speeds_deg_s[-1] + acceleration * duration_s)
+        return max(map(abs, speeds_deg_s))
+
     def position(self, time_s: float) -> float:
         """Position at `time_s`, in degrees."""
         return self._state(time_s)[0]

@@ -8,7 +8,8 @@ from collections.abc import Callable, Mapping
 
 from sim_devices.axis import Axis
 from sim_devices.device import Replies
-from sim_devices.esp301_axis import Esp301Axis, Esp301Error, to_number
+from sim_devices.esp301_axis import Esp301Axis
+from sim_devices.esp301_parameter import Esp301Error, to_number
 from sim_devices.lines import LineSplitter
 
 _LATENCY_S = 0.008

@@ -2,40 +2,20 @@
 
 from __future__ import annotations
 
-import heapq
-import itertools
 import selectors
 import socket
 import threading
 from contextlib import suppress
-from dataclasses import dataclass, field
 
 from goniometer.errors import DeviceFaultError
+from sim_devices.agenda import Agenda
 from sim_devices.clock import BenchClock
-from sim_devices.device import Device, Session
+from sim_devices.device import Device, Later
 from sim_devices.ports import Port, PtyPort, SocketPort
+from sim_devices.served_link import ServedLink
 
-# a client that does not read its replies is not listened to while this much waits for it
-_MOST_WAITING_BYTES = 65536
-
-
-@dataclass(eq=False)
-class _Link:
-    """One client: its port, its session, and what is on its way to it."""
-
-    port: Port
-    session: Session
-    scheduled_bytes: int = 0
-    unsent: bytearray = field(default_factory=bytearray)
-    has_ended: bool = False
-    watched: int = 0
-
-    @property
-    def wanted(self) -> int:
-        """The events to wait for now."""
-        waiting_bytes = self.scheduled_bytes + len(self.unsent)
-        listens = not self.has_ended and waiting_bytes < _MOST_WAITING_BYTES
-        return (selectors.EVENT_READ if listens else 0) | (selectors.EVENT_WRITE if self.unsent else 0)
+# virtual time does not tell when it has passed what a device will say on its own; real seconds from look to look
+_LOOK_S = 0.001
 
 
 class Reactor:
@@ -44,7 +24,8 @@ class Reactor:
     Parameters
     ----------
     clock : BenchClock
-        Tells when a reply is due. Virtual time goes there as soon as no client has anything more to say.
+        Tells when a reply is due. Virtual time goes there as soon as no client has anything more to say; to what a
+        device will say on its own it does not go, but comes when somebody waits or is answered.
     """
 
     def __init__(self, clock: BenchClock) -> None:
@@ -52,11 +33,10 @@ class Reactor:
         self._lock = threading.RLock()
         # the default, epoll, waits whole milliseconds, which on a clock 40 times as fast are 40 of the bench's
         self._selector = selectors.SelectSelector()
-        self._links: set[_Link] = set()
+        self._links: set[ServedLink] = set()
         self._listeners: list[socket.socket] = []
         self._gone: list[Port] = []
-        self._due: list[tuple[float, int, _Link, bytes]] = []
-        self._order = itertools.count()
+        self._agenda: Agenda[ServedLink] = Agenda()
         self._failure: BaseException | None = None
         self._is_stopping = False
         self._waker, self._wakes = socket.socketpair()
@@ -149,23 +129,41 @@ class Reactor:
 
     def _real_s_until_due(self) -> float | None:
         with self._lock:
-            return self._clock.real_s_until(self._due[0][0]) if self._due else None
+            reply_s, unasked_s = self._agenda.next_reply_s, self._agenda.next_unasked_s
+            wait_s = None if reply_s is None else self._clock.real_s_until(reply_s)
+            if unasked_s is None:
+                return wait_s
+            look_s = self._clock.real_s_until(unasked_s) or _LOOK_S
+            return look_s if wait_s is None else min(wait_s, look_s)
 
     def _serve(self) -> None:
         while True:
-            while events := [(key, mask) for key, mask in self._selector.select(0) if key.data is not None]:
+            # what was due by now has been said, whatever a client says now
+            self._send_due()
+            if events := [(key, mask) for key, mask in self._selector.select(0) if key.data is not None]:
                 for key, mask in events:
                     key.data(mask)
-            if not self._due or not self._clock.reach(self._due[0][0]):
+            elif (due_s := self._agenda.next_reply_s) is None or not self._clock.reach(due_s):
                 return
-            now_s = self._clock.now()
-            while self._due and self._due[0][0] <= now_s:
-                _, _, link, reply = heapq.heappop(self._due)
-                link.scheduled_bytes -= len(reply)
-                link.unsent += reply
-                # a client that is behind is sent more once it has read
-                if not link.watched & selectors.EVENT_WRITE:
-                    self._send(link)
+
+    def _send_due(self) -> None:
+        """Send all that is due by now, in order."""
+        now_s = self._clock.now()
+        while (entry := self._agenda.pop(now_s)) is not None:
+            link, said = entry.client, entry.said
+            if not isinstance(said, bytes):
+                for due_s, follower in said(entry.due_s) if link in self._links else ():
+                    self._schedule(due_s, link, follower, is_reply=False)
+                continue
+            link.say(said, is_reply=entry.is_reply)
+            # a client that is behind is sent more once it has read
+            if not link.watched & selectors.EVENT_WRITE:
+                self._send(link)
+
+    def _schedule(self, due_s: float, link: ServedLink, said: bytes | Later, *, is_reply: bool) -> None:
+        self._agenda.add(due_s, link, said, is_reply=is_reply)
+        if isinstance(said, bytes):
+            link.scheduled_bytes += len(said)
 
     def _accept(self, listener: socket.socket, device: Device) -> None:
         try:
@@ -176,27 +174,29 @@ class Reactor:
         self._add(SocketPort(connection), device)
 
     def _add(self, port: Port, device: Device) -> None:
-        link = _Link(port, device.session())
+        link = ServedLink(port, device.session())
         self._links.add(link)
         self._watch(link)
 
-    def _attend(self, link: _Link, mask: int) -> None:
+    def _attend(self, link: ServedLink, mask: int) -> None:
         if mask & selectors.EVENT_WRITE:
             self._send(link)
         if mask & link.watched & selectors.EVENT_READ:
             self._receive(link)
 
-    def _receive(self, link: _Link) -> None:
+    def _receive(self, link: ServedLink) -> None:
         data = link.port.read()
         if data is None:
             link.has_ended = True
         else:
-            for due_s, reply in link.session.receive(data, self._clock.now()) if data else ():
-                heapq.heappush(self._due, (due_s, next(self._order), link, reply))
-                link.scheduled_bytes += len(reply)
+            for due_s, said in link.session.receive(data, self._clock.now()) if data else ():
+                is_reply = isinstance(said, bytes)
+                self._schedule(due_s, link, said, is_reply=is_reply)
+                if not is_reply:
+                    self._wake()
         self._watch(link)
 
-    def _send(self, link: _Link) -> None:
+    def _send(self, link: ServedLink) -> None:
         try:
             del link.unsent[: link.port.write(bytes(link.unsent))]
         except ConnectionError:
@@ -204,12 +204,11 @@ class Reactor:
             link.unsent.clear()
         self._watch(link)
 
-    def _watch(self, link: _Link) -> None:
+    def _watch(self, link: ServedLink) -> None:
         """Wait for what the link wants now; close it when its client has ended and has been answered."""
         if link not in self._links:
             return
         wanted = link.wanted
-        is_done = link.has_ended and not link.unsent and not link.scheduled_bytes
         if wanted != link.watched:
             if not link.watched:
                 self._selector.register(link.port, wanted, lambda mask: self._attend(link, mask))
@@ -219,7 +218,7 @@ class Reactor:
                 self._selector.modify(link.port, wanted, self._selector.get_key(link.port).data)
             link.watched = wanted
             self._wake()
-        if is_done:
+        if link.is_done:
             self._links.remove(link)
             self._gone.append(link.port)
             self._wake()

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from collections import Counter
-from typing import Annotated, Literal
+from typing import Annotated
 
 from pydantic import Field, model_validator
 
 from model import materials
+from sim_devices.bench_devices.entry import AxisRole
 from sim_devices.bench_devices.known import AnyDevice
+from sim_devices.contact import Bodies
+from sim_devices.effects.known import AnyEffect
 from sim_devices.scene_part import ScenePart
 
 
@@ -58,44 +61,8 @@ class Lamp(ScenePart):
     wavelength_nm: float = Field(ge=200, le=2000, description="wavelength, in nm")
 
 
-class DarkCurrent(ScenePart):
-    """Power that the detector reports in the dark."""
-
-    effect: Literal["dark_current"] = Field(description="the effect's name")
-    power_w: float = Field(gt=0, le=1e-3, description="power reported in the dark, in W")
-
-
-class AcceptanceCone(ScenePart):
-    """The detector takes the mean over its cone of directions; needed where light is followed for several bounces."""
-
-    effect: Literal["acceptance_cone"] = Field(description="the effect's name")
-
-
-class ShotNoise(ScenePart):
-    """The statistics of counting photons."""
-
-    effect: Literal["shot_noise"] = Field(description="the effect's name")
-
-
-class ReadNoise(ScenePart):
-    """The detector's own noise: standard deviation of one 3 ms sample."""
-
-    effect: Literal["read_noise"] = Field(description="the effect's name")
-    power_w: float = Field(gt=0, le=1e-3, description="standard deviation of one 3 ms sample, in W")
-
-
-class Quantisation(ScenePart):
-    """Significant digits of a reading."""
-
-    effect: Literal["quantisation"] = Field(description="the effect's name")
-    digits: int = Field(ge=1, le=15, description="significant digits of a printed reading")
-
-
-Effect = Annotated[AcceptanceCone | DarkCurrent | ShotNoise | ReadNoise | Quantisation, Field(discriminator="effect")]
-
-
 class Scene(ScenePart):
-    """One simulated bench: sample, lamp, devices, and the effects of its detector.
+    """One simulated bench: sample, lamp, devices, and what disturbs them.
 
     `rig` is the path of the rig file whose devices the bench simulates, as written.
     """
@@ -108,8 +75,14 @@ class Scene(ScenePart):
     sample: Sample = Field(description="the surface in the beam")
     lamp: Lamp = Field(description="the source")
     devices: dict[str, AnyDevice] = Field(description="the devices, each under the name it has in the rig")
-    effects: Annotated[tuple[Effect, ...], Field(strict=False)] = Field(
-        description="what disturbs the detector's readings; an effect that is not named costs nothing"
+    start_deg: dict[AxisRole, float] = Field(
+        default_factory=dict, description="where axes stand when the bench is switched on, in degrees; 0 if not named"
+    )
+    bodies: Bodies | None = Field(
+        default=None, description="how much room the arms take; without it they pass through each other"
+    )
+    effects: Annotated[tuple[AnyEffect, ...], Field(strict=False)] = Field(
+        description="what disturbs arms, light and readings; an effect that is not named costs nothing"
     )
 
     @model_validator(mode="after")
@@ -126,12 +99,15 @@ class Scene(ScenePart):
             for role in ("source_arm", "detector_arm", "sample_azimuth")
             if roles[role] != 1
         ]
+        named = Counter(part.title for part in self.effects)
         faults += [
-            f"the effect {effect} is given {count} times; give it once"
-            for effect, count in Counter(part.effect for part in self.effects).items()
-            if count > 1
+            f"the effect {name} is given {count} times; give it once" for name, count in named.items() if count > 1
         ]
-        if self.sample.bounces > 1 and not self.has_acceptance_cone:
+        if parts["analyzer"] == 1:
+            (analyzer,) = (device for device in self.devices.values() if device.part == "analyzer")
+            slots = getattr(analyzer, "slots", {})
+            faults += [fault for part in self.effects for fault in part.faults(slots)]
+        if self.sample.bounces > 1 and "acceptance_cone" not in named:
             faults.append(
                 f"light of {self.sample.bounces} bounces has a pole in the mirror direction, which only the mean over "
                 "the detector's cone makes finite; name the effect acceptance_cone, or take bounces: 1"
@@ -139,11 +115,6 @@ class Scene(ScenePart):
         if faults:
             raise ValueError("; ".join(faults))
         return self
-
-    @property
-    def has_acceptance_cone(self) -> bool:
-        """Whether the detector takes the mean over its cone of directions."""
-        return any(isinstance(part, AcceptanceCone) for part in self.effects)
 
     @model_validator(mode="after")
     def _material_is_tabulated(self) -> Scene:

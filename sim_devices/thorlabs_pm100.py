@@ -6,21 +6,18 @@ import math
 from collections.abc import Callable
 from typing import NamedTuple
 
-import numpy as np
-
 from sim_devices import scpi
 from sim_devices.device import Replies
 from sim_devices.effects import SAMPLE_S
 from sim_devices.light import Light
 from sim_devices.lines import LineSplitter
-from sim_devices.timeline import Timeline
+from sim_devices.photodiode_head import OVER_RANGE, RANGES_W, PhotodiodeHead
+from sim_devices.scpi_numbers import number, parse, parse_switch, tell
 
 _LATENCY_S = 0.002
-_ZERO_S = 2.001
 _IDENTITY = "THORLABS,PM100D,P0012345,2.8.0"
 _SENSOR = "S120C,12061234,07-May-2024,1,18,33"
-_RANGES_W = (5e-8, 5e-7, 5e-6, 5e-5, 5e-4, 5e-3, 5e-2)
-_OVER_RANGE, _NOT_A_NUMBER = 9.9e37, 9.91e37
+_NOT_A_NUMBER = 9.91e37
 _LONGEST_LINE = 256
 
 # queries for a number with limits take MIN or MAX
@@ -52,12 +49,10 @@ class ThorlabsPm100:
     """
 
     def __init__(self, light: Light) -> None:
-        self._light = light
+        self._head = PhotodiodeHead(light)
         self._errors = scpi.ErrorQueue()
         self._events = _POWER_ON
         self._free_s = 0.0
-        self._zero = Timeline(0.0)
-        self._zero_end_s = -math.inf
         self._set_defaults()
         self._commands: dict[str, Callable[[list[str], float], str | None]] = {
             spelling: command for pattern, command in self._table().items() for spelling in scpi.headers(pattern)
@@ -67,7 +62,7 @@ class ThorlabsPm100:
         self._unit = "W"
         self._average = 1
         self._wavelength_nm = 635.0
-        self._range_w: float | None = None
+        self._head.range_w = None
         self._loss_db = 0.0
         self._filter = 0
         self._reading: _Reading | None = None
@@ -93,15 +88,15 @@ class ThorlabsPm100:
             "SENSe:POWer[:DC]:RANGe[:UPPer]": self._set_range,
             "SENSe:POWer[:DC]:RANGe[:UPPer]?": self._tell_range,
             "SENSe:POWer[:DC]:RANGe:AUTO": self._set_auto_range,
-            "SENSe:POWer[:DC]:RANGe:AUTO?": lambda arguments, now_s: str(int(self._range_w is None)),
+            "SENSe:POWer[:DC]:RANGe:AUTO?": lambda arguments, now_s: str(int(self._head.range_w is None)),
             "SENSe:CORRection:WAVelength": self._set_wavelength,
-            "SENSe:CORRection:WAVelength?": lambda arguments, now_s: _tell(arguments, self._wavelength_nm, 400, 1100),
+            "SENSe:CORRection:WAVelength?": lambda arguments, now_s: tell(arguments, self._wavelength_nm, 400, 1100),
             "SENSe:CORRection[:LOSS]": self._set_loss,
-            "SENSe:CORRection[:LOSS]?": lambda arguments, now_s: _tell(arguments, self._loss_db, -60, 60),
-            "SENSe:CORRection:COLLect:ZERO[:INITiate]": self._collect_zero,
-            "SENSe:CORRection:COLLect:ZERO:ABORt": self._abort_zero,
-            "SENSe:CORRection:COLLect:ZERO:STATe?": lambda arguments, now_s: str(int(now_s < self._zero_end_s)),
-            "SENSe:CORRection:COLLect:ZERO:MAGNitude?": lambda arguments, now_s: _number(self._zero.at(now_s)),
+            "SENSe:CORRection[:LOSS]?": lambda arguments, now_s: tell(arguments, self._loss_db, -60, 60),
+            "SENSe:CORRection:COLLect:ZERO[:INITiate]": lambda arguments, now_s: self._head.collect_zero(now_s),
+            "SENSe:CORRection:COLLect:ZERO:ABORt": lambda arguments, now_s: self._head.abort_zero(now_s),
+            "SENSe:CORRection:COLLect:ZERO:STATe?": lambda arguments, now_s: str(int(self._head.collects_zero(now_s))),
+            "SENSe:CORRection:COLLect:ZERO:MAGNitude?": lambda arguments, now_s: number(self._head.zero_w(now_s)),
             "SENSe:AVERage[:COUNt]": self._set_average,
             "SENSe:AVERage[:COUNt]?": self._tell_average,
             "INPut:FILTer": self._set_filter,
@@ -145,15 +140,9 @@ class ThorlabsPm100:
             raise scpi.ScpiError(-109)
         return self._commands[header](arguments, now_s)
 
-    def _measure_w(self, now_s: float, exposure_s: float) -> float:
-        upper_w = _RANGES_W[-1] if self._range_w is None else self._range_w
-        if self._light.power_w(now_s + exposure_s / 2) > upper_w:
-            return _OVER_RANGE
-        return self._light.measure_w(now_s, exposure_s)
-
     def _start_reading(self, now_s: float) -> _Reading:
         exposure_s = self._average * SAMPLE_S
-        self._reading = _Reading(self._measure_w(now_s, exposure_s), now_s + exposure_s)
+        self._reading = _Reading(self._head.measure_w(now_s, exposure_s), now_s + exposure_s)
         return self._reading
 
     def _initiate(self, arguments: list[str], now_s: float) -> None:
@@ -167,16 +156,16 @@ class ThorlabsPm100:
         if self._reading is None:
             raise scpi.ScpiError(-230)
         self._free_s = max(self._free_s, self._reading.ready_s)
-        return self._print_power(self._reading.power_w, self._zero.at(now_s))
+        return self._print_power(self._reading.power_w, self._head.zero_w(now_s))
 
     def _print_power(self, power_w: float, zero_w: float) -> str:
-        if power_w == _OVER_RANGE:
+        if power_w == OVER_RANGE:
             return "9.9E+37"
         # without a zero and a loss to correct for, not a bit of the reading changes
         power_w = (power_w - zero_w) * 10 ** (self._loss_db / 10)
         if self._unit == "W":
-            return _number(power_w)
-        return _number(10 * math.log10(power_w / 1e-3) if power_w > 0 else _NOT_A_NUMBER)
+            return number(power_w)
+        return number(10 * math.log10(power_w / 1e-3) if power_w > 0 else _NOT_A_NUMBER)
 
     def _read_temperature(self, arguments: list[str], now_s: float) -> str:
         # an S120C has no temperature sensor
@@ -201,86 +190,28 @@ class ThorlabsPm100:
         self._unit = arguments[0].upper()
 
     def _set_range(self, arguments: list[str], now_s: float) -> None:
-        wanted_w = _parse(arguments[0], 0.0, _RANGES_W[-1])
-        self._range_w = next(range_w for range_w in _RANGES_W if range_w >= wanted_w)
+        self._head.set_range(parse(arguments[0], 0.0, RANGES_W[-1]))
 
     def _tell_range(self, arguments: list[str], now_s: float) -> str:
-        range_w = self._range_w
-        if range_w is None:
-            power_w = min(self._light.power_w(now_s), _RANGES_W[-1])
-            range_w = next(range_w for range_w in _RANGES_W if range_w >= power_w)
-        return _tell(arguments, range_w, _RANGES_W[0], _RANGES_W[-1])
+        return tell(arguments, self._head.present_range_w(now_s), RANGES_W[0], RANGES_W[-1])
 
     def _set_auto_range(self, arguments: list[str], now_s: float) -> None:
-        upper_w = float(self._tell_range([], now_s))
-        self._range_w = None if _parse_switch(arguments[0]) else upper_w
+        self._head.range_w = None if parse_switch(arguments[0]) else self._head.present_range_w(now_s)
 
     def _set_wavelength(self, arguments: list[str], now_s: float) -> None:
-        self._wavelength_nm = _parse(arguments[0], 400, 1100)
+        self._wavelength_nm = parse(arguments[0], 400, 1100)
 
     def _set_loss(self, arguments: list[str], now_s: float) -> None:
-        self._loss_db = _parse(arguments[0], -60, 60)
+        self._loss_db = parse(arguments[0], -60, 60)
 
     def _set_average(self, arguments: list[str], now_s: float) -> None:
-        self._average = round(_parse(arguments[0], 1, 3000))
+        self._average = round(parse(arguments[0], 1, 3000))
 
     def _tell_average(self, arguments: list[str], now_s: float) -> str:
-        return str(round(float(_tell(arguments, self._average, 1, 3000))))
+        return str(round(float(tell(arguments, self._average, 1, 3000))))
 
     def _set_filter(self, arguments: list[str], now_s: float) -> None:
-        self._filter = _parse_switch(arguments[0])
-
-    def _collect_zero(self, arguments: list[str], now_s: float) -> None:
-        """Take what reaches the detector now for its dark signal, once the collection is over."""
-        zero_w = self._measure_w(now_s, _ZERO_S)
-        if zero_w == _OVER_RANGE:
-            raise scpi.ScpiError(-200)
-        self._zero_end_s = now_s + _ZERO_S
-        self._zero.add(self._zero_end_s, zero_w)
-
-    def _abort_zero(self, arguments: list[str], now_s: float) -> None:
-        if now_s < self._zero_end_s:
-            self._zero_end_s = now_s
-            self._zero.add(now_s, self._zero.at(now_s))
-
-
-def _number(value: float) -> str:
-    """Shortest text that reads back as the same number, in the form 1.234205E-03."""
-    return np.format_float_scientific(value, trim="0", exp_digits=2).upper()
-
-
-def _tell(arguments: list[str], value: float, low: float, high: float) -> str:
-    if not arguments:
-        return _number(value)
-    match arguments[0].upper():
-        case "MIN" | "MINIMUM":
-            return _number(low)
-        case "MAX" | "MAXIMUM":
-            return _number(high)
-        case _:
-            raise scpi.ScpiError(-224)
-
-
-def _parse(argument: str, low: float, high: float) -> float:
-    match argument.upper():
-        case "MIN" | "MINIMUM":
-            return low
-        case "MAX" | "MAXIMUM":
-            return high
-    try:
-        value = float(argument)
-    except ValueError:
-        raise scpi.ScpiError(-104) from None
-    if not low <= value <= high:
-        raise scpi.ScpiError(-222)
-    return value
-
-
-def _parse_switch(argument: str) -> int:
-    states = {"0": 0, "OFF": 0, "1": 1, "ON": 1}
-    if argument.upper() not in states:
-        raise scpi.ScpiError(-224)
-    return states[argument.upper()]
+        self._filter = parse_switch(arguments[0])
 
 
 class _Session:

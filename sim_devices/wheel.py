@@ -9,23 +9,28 @@ from sim_devices.timeline import Timeline
 
 @dataclass(frozen=True)
 class Turn:
-    """A turn of the wheel; nothing is in the beam while it lasts."""
+    """A turn of the wheel, the `number`-th; nothing is in the beam while it lasts."""
 
     start_s: float
     end_s: float
     slot: int
+    number: int
 
 
 class Wheel:
     """A wheel that starts with slot 1 in the beam."""
 
     def __init__(self) -> None:
-        self._turns = Timeline(Turn(float("-inf"), float("-inf"), 1))
+        self._turns = Timeline(Turn(float("-inf"), float("-inf"), 1, 0))
 
     def slot(self, time_s: float) -> int | None:
         """The slot in the beam, or None while the wheel turns."""
         turn = self._turns.at(time_s)
         return turn.slot if time_s >= turn.end_s else None
+
+    def arrival(self, time_s: float) -> int:
+        """How many turns had begun by `time_s`; a turn to where the wheel stands is none."""
+        return self._turns.at(time_s).number
 
     @property
     def target(self) -> int:
@@ -48,5 +53,6 @@ class Wheel:
         """
         forward = (slot - self.target) % slots
         arrival_s = now_s + min(forward, slots - forward) * slot_s
-        self._turns.add(now_s, Turn(now_s, arrival_s, slot))
+        number = self._turns.last.number + (forward > 0)
+        self._turns.add(now_s, Turn(now_s, arrival_s, slot, number))
         return arrival_s

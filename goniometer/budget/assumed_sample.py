@@ -12,7 +12,8 @@ from goniometer.errors import ConfigurationError
 from goniometer.load_files import Setup
 from model.fit import SurfaceFamily
 from model.fit.quantities import NOMINAL
-from sim_devices.scene import DarkCurrent, Scene
+from sim_devices.effects.dark_current import DarkCurrent
+from sim_devices.scene import Scene
 
 _ASSUMPTION = re.compile(r"\s*([\w.]+)\s*=\s*([^=±]+?)\s*(?:(?:±|\+-)\s*([^=±]+?)\s*)?")
 _HOW = "Write a number, and how uncertain it is if that shall count, for example n=1.5 or n=1.5+-0.1"

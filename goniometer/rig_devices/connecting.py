@@ -7,8 +7,12 @@ from contextlib import ExitStack
 from dataclasses import dataclass, field
 from typing import Any, Protocol, TypeVar
 
-from acquisition.protocols import Analyzer, Detector, RotaryAxis
+from acquisition.protocols import Analyzer, Detector
+from drivers.axis import Axis
 from drivers.clock import Clock
+from drivers.link import Link
+from drivers.modbus_port import ModbusPort
+from drivers.wire_log import WireLog
 
 
 class Closable(Protocol):
@@ -36,27 +40,51 @@ class Connecting:
         Told to detectors whose response depends on it.
     open_devices : ExitStack
         Closes every device when the bench is left.
+    wire_log : WireLog, optional
+        Where every byte is written down.
     """
 
     ports: Mapping[str, str]
     clock: Clock
     wavelength_nm: float
     open_devices: ExitStack
-    axes: dict[str, RotaryAxis] = field(default_factory=dict)
+    wire_log: WireLog | None = None
+    axes: dict[str, Axis] = field(default_factory=dict)
     analyzers: dict[str, Analyzer] = field(default_factory=dict)
     detectors: dict[str, Detector] = field(default_factory=dict)
     notes: list[str] = field(default_factory=list)
     _shared: dict[str, Any] = field(default_factory=dict)
+
+    def link(self, name: str, *, baudrate: int = 115200, rtscts: bool = False) -> Link:
+        """Open the port of a device that has one to itself."""
+        return Link(
+            self.ports[name],
+            device=name,
+            baudrate=baudrate,
+            rtscts=rtscts,
+            clock=self.clock,
+            wire_log=self.wire_log,
+        )
+
+    def modbus(self, name: str, *, baudrate: int, parity: str) -> ModbusPort:
+        """The Modbus port of a device, which other units may share."""
+        return self.shared(
+            name,
+            lambda port: ModbusPort(
+                port, device=name, baudrate=baudrate, parity=parity, clock=self.clock, wire_log=self.wire_log
+            ),
+        )
 
     def opened(self, device: T) -> T:
         """Take what is to be closed when the bench is left, before it is connected."""
         self.open_devices.callback(device.close)
         return device
 
-    def shared(self, port: str, open_port: Callable[[], T]) -> T:
-        """What drives a port that several devices share; opened for the first of them."""
+    def shared(self, name: str, open_port: Callable[[str], T]) -> T:
+        """What drives the port of a device, which others may share; opened for the first of them."""
+        port = self.ports[name]
         if port not in self._shared:
-            self._shared[port] = self.opened(open_port())
+            self._shared[port] = self.opened(open_port(port))
         shared: T = self._shared[port]
         return shared
 

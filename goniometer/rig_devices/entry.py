@@ -15,7 +15,9 @@ from goniometer.port_address import Port
 from goniometer.rig_devices.connecting import Connecting
 from sim_devices.bench_devices.entry import SimulatedDevice
 
-Role = Literal["source_arm", "detector_arm", "sample_azimuth"]
+Role = Literal["source_arm", "detector_arm", "sample_azimuth", "polarizer"]
+"""What an axis turns; a polarizer is that of a rotating analyzer."""
+
 ROLES: tuple[Role, ...] = ("source_arm", "detector_arm", "sample_azimuth")
 
 Angle = Annotated[float, Field(ge=-360, le=360)]

@@ -11,13 +11,29 @@ from goniometer.errors import ConfigurationError
 from goniometer.rig_devices.entry import DeviceEntry
 from goniometer.rig_devices.newport_esp301 import NewportEsp301Entry
 from goniometer.rig_devices.oriental_az import OrientalAzEntry
+from goniometer.rig_devices.rotating_polarizer import RotatingPolarizerEntry
+from goniometer.rig_devices.smc_lec import SmcLecEntry
+from goniometer.rig_devices.stanford_sr830 import StanfordSr830Entry
+from goniometer.rig_devices.thorlabs_apt import ThorlabsAptEntry
+from goniometer.rig_devices.thorlabs_elliptec import ThorlabsElliptecEntry, ThorlabsElliptecSliderEntry
 from goniometer.rig_devices.thorlabs_fw102c import ThorlabsFw102cEntry
 from goniometer.rig_devices.thorlabs_pm100 import ThorlabsPm100Entry
 
 GROUP = "goniometer.drivers"
 """The entry point group in which another package names its `DeviceEntry` classes."""
 
-_OWN: tuple[type[DeviceEntry], ...] = (NewportEsp301Entry, OrientalAzEntry, ThorlabsFw102cEntry, ThorlabsPm100Entry)
+_OWN: tuple[type[DeviceEntry], ...] = (
+    NewportEsp301Entry,
+    OrientalAzEntry,
+    RotatingPolarizerEntry,
+    SmcLecEntry,
+    StanfordSr830Entry,
+    ThorlabsAptEntry,
+    ThorlabsElliptecEntry,
+    ThorlabsElliptecSliderEntry,
+    ThorlabsFw102cEntry,
+    ThorlabsPm100Entry,
+)
 
 
 def kinds() -> tuple[type[DeviceEntry], ...]:

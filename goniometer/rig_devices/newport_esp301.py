@@ -10,7 +10,6 @@ from pydantic import Field, model_validator
 
 from acquisition.section import SectionFault, refuse_all
 from drivers.axis import Axis
-from drivers.link import Link
 from drivers.newport_esp301 import NewportEsp301
 from goniometer.rig_devices.connecting import Connecting
 from goniometer.rig_devices.entry import AxesEntry, AxisEntry, Role
@@ -49,7 +48,7 @@ class NewportEsp301Entry(AxesEntry):
 
     def connect(self, name: str, bench: Connecting) -> None:
         """Connect the controller, then each of its stages."""
-        link = Link(bench.ports[name], device=name, baudrate=self.baudrate, rtscts=True)
+        link = bench.link(name, baudrate=self.baudrate, rtscts=True)
         controller = bench.opened(NewportEsp301(link, bench.clock))
         bench.note(name, controller.connect())
         for role, axis in self.axes.items():

@@ -9,6 +9,8 @@ from typing import Literal
 from pydantic import Field
 
 from acquisition.section import SectionFault
+from drivers.axis import Axis
+from drivers.modbus_unit import ModbusUnit
 from drivers.oriental_az import OrientalAz
 from goniometer.rig_devices.connecting import Connecting
 from goniometer.rig_devices.entry import AxesEntry, AxisEntry, Role
@@ -23,7 +25,7 @@ class OrientalAzAxis(AxisEntry):
 
 
 class OrientalAzEntry(AxesEntry):
-    """Oriental Motor AZ stepper drive on Modbus RTU."""
+    """Oriental Motor AZ stepper drive on Modbus RTU, or Modbus TCP by a gateway."""
 
     driver: Literal["oriental_az"] = Field(description="the device's family")
     unit: int = Field(ge=1, le=31, description="Modbus address, as set by the drive's switch")
@@ -39,27 +41,25 @@ class OrientalAzEntry(AxesEntry):
         """Its axis."""
         return self.axes
 
+    @property
+    def place(self) -> str | None:
+        """Its address on the line."""
+        return f"unit {self.unit}"
+
     def connect(self, name: str, bench: Connecting) -> None:
         """Connect the drive."""
+        port = bench.modbus(name, baudrate=self.baudrate, parity=self.parity[0].upper())
         for role, axis in self.axes.items():
-            stage = bench.opened(
-                OrientalAz(
-                    bench.ports[name],
-                    bench.clock,
-                    name=role,
-                    unit=self.unit,
-                    steps_per_deg=axis.steps_per_deg,
-                    limits_deg=axis.limits_deg,
-                    settle_s=axis.settle_s,
-                    tolerance_deg=axis.tolerance_deg,
-                    velocity_deg_s=axis.velocity_deg_s,
-                    acceleration_deg_s2=axis.acceleration_deg_s2,
-                    baudrate=self.baudrate,
-                    parity=self.parity[0].upper(),
-                )
+            stage = OrientalAz(
+                ModbusUnit(port, self.unit, device=name),
+                bench.clock,
+                name=role,
+                steps_per_deg=axis.steps_per_deg,
+                velocity_deg_s=axis.velocity_deg_s,
+                acceleration_deg_s2=axis.acceleration_deg_s2,
             )
-            stage.connect()
-            bench.axes[role] = stage
+            bench.note(name, stage.connect())
+            bench.axes[role] = Axis(stage, bench.clock, axis.travel)
 
     def unlike(self, simulated: SimulatedDevice) -> Iterator[SectionFault]:
         """Whether the unit, the axis and its step are the same."""

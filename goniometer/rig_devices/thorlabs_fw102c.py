@@ -9,7 +9,6 @@ from pydantic import Field, model_validator
 
 from acquisition.section import SectionFault, refuse_all
 from acquisition.timing import AnalyzerTiming, WheelTiming
-from drivers.link import Link
 from drivers.thorlabs_fw102c import ThorlabsFw102c
 from goniometer.rig_devices.connecting import Connecting
 from goniometer.rig_devices.entry import AnalyzerEntry, Slot, angle_faults
@@ -58,7 +57,7 @@ class ThorlabsFw102cEntry(AnalyzerEntry):
     def connect(self, name: str, bench: Connecting) -> None:
         """Connect the wheel."""
         wheel = ThorlabsFw102c(
-            Link(bench.ports[name], device=name, baudrate=self.baudrate),
+            bench.link(name, baudrate=self.baudrate),
             bench.clock,
             name=name,
             slots=len(self.slots),

@@ -6,7 +6,6 @@ from typing import Literal
 
 from pydantic import Field
 
-from drivers.link import Link
 from drivers.thorlabs_pm100 import ThorlabsPm100
 from goniometer.rig_devices.connecting import Connecting
 from goniometer.rig_devices.entry import DetectorEntry
@@ -24,7 +23,7 @@ class ThorlabsPm100Entry(DetectorEntry):
 
     def connect(self, name: str, bench: Connecting) -> None:
         """Connect the meter and tell it the wavelength."""
-        meter = ThorlabsPm100(Link(bench.ports[name], device=name), bench.clock, name=name, sample_s=self.sample_s)
+        meter = ThorlabsPm100(bench.link(name), bench.clock, name=name, sample_s=self.sample_s)
         bench.note(name, bench.opened(meter).connect())
         meter.set_wavelength_nm(bench.wavelength_nm)
         bench.detectors[name] = meter

@@ -3,17 +3,24 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
+from typing import TYPE_CHECKING, Annotated, ClassVar, Literal, Protocol
 
 from pydantic import Field
 
 from sim_devices.device import Device
+from sim_devices.modbus_functions import Unit
+from sim_devices.modbus_tcp import ModbusTcp
 from sim_devices.scene_part import ScenePart
 
 if TYPE_CHECKING:
     from sim_devices.world import World
 
-AxisRole = Literal["source_arm", "detector_arm", "sample_azimuth"]
+
+class ModbusController(Unit, Device, Protocol):
+    """A unit that also answers on a serial line of its own."""
+
+
+AxisRole = Literal["source_arm", "detector_arm", "sample_azimuth", "polarizer"]
 Slot = Literal["open", "blocked"] | Annotated[float, Field(ge=-180, le=180)]
 
 
@@ -34,6 +41,32 @@ class SimulatedDevice(ScenePart, ABC):
         """The axes of the bench that it turns."""
         return ()
 
+    @property
+    def scheme(self) -> str:
+        """How its port is addressed over TCP."""
+        return "socket"
+
     @abstractmethod
+    def install(self, world: World) -> Device | None:
+        """Put its axes, its optics or its acceptance into the world, and return what answers at its port, if any."""
+
+
+class ModbusDevice(SimulatedDevice):
+    """A Modbus unit, on a serial line or behind a gateway for Modbus TCP."""
+
+    unit: int = Field(ge=1, le=31, description="Modbus address")
+    framing: Literal["rtu", "tcp"] = Field(default="rtu", description="rtu, as on a serial line, or tcp, by a gateway")
+
+    @property
+    def scheme(self) -> str:
+        """How its port is addressed over TCP."""
+        return "socket" if self.framing == "rtu" else "modbus-tcp"
+
+    @abstractmethod
+    def controller(self, world: World) -> ModbusController:
+        """Put its axis into the world, and return what turns it."""
+
     def install(self, world: World) -> Device:
-        """Put its axes, its optics or its acceptance into the world, and return what answers at its port."""
+        """Put its axis into the world; at its port answers the unit itself, or its gateway."""
+        controller = self.controller(world)
+        return controller if self.framing == "rtu" else ModbusTcp([controller])

@@ -11,6 +11,11 @@ from goniometer.errors import ConfigurationError
 from sim_devices.bench_devices.entry import SimulatedDevice
 from sim_devices.bench_devices.newport_esp301 import NewportEsp301Device
 from sim_devices.bench_devices.oriental_az import OrientalAzDevice
+from sim_devices.bench_devices.rotating_polarizer import RotatingPolarizerDevice
+from sim_devices.bench_devices.smc_lec import SmcLecDevice
+from sim_devices.bench_devices.stanford_sr830 import StanfordSr830Device
+from sim_devices.bench_devices.thorlabs_apt import ThorlabsAptDevice
+from sim_devices.bench_devices.thorlabs_elliptec import ThorlabsElliptecDevice, ThorlabsElliptecSliderDevice
 from sim_devices.bench_devices.thorlabs_fw102c import ThorlabsFw102cDevice
 from sim_devices.bench_devices.thorlabs_pm100 import ThorlabsPm100Device
 
@@ -20,6 +25,12 @@ GROUP = "goniometer.sim_devices"
 _OWN: tuple[type[SimulatedDevice], ...] = (
     NewportEsp301Device,
     OrientalAzDevice,
+    RotatingPolarizerDevice,
+    SmcLecDevice,
+    StanfordSr830Device,
+    ThorlabsAptDevice,
+    ThorlabsElliptecDevice,
+    ThorlabsElliptecSliderDevice,
     ThorlabsFw102cDevice,
     ThorlabsPm100Device,
 )

@@ -6,21 +6,19 @@ from typing import TYPE_CHECKING, ClassVar, Literal
 
 from pydantic import Field
 
-from sim_devices.bench_devices.entry import AxisRole, SimulatedDevice
-from sim_devices.device import Device
+from sim_devices.bench_devices.entry import AxisRole, ModbusDevice
 from sim_devices.oriental_az import OrientalAz
 
 if TYPE_CHECKING:
     from sim_devices.world import World
 
 
-class OrientalAzDevice(SimulatedDevice):
+class OrientalAzDevice(ModbusDevice):
     """An Oriental Motor AZ drive; `unit` is its Modbus address and `step_deg` one step of its motor at the table."""
 
     part: ClassVar[str] = "axes"
 
     type: Literal["oriental_az"] = Field(description="the device's family")
-    unit: int = Field(ge=1, le=31, description="Modbus address")
     axis: AxisRole = Field(description="what the drive turns")
     step_deg: float = Field(ge=1e-4, le=1, description="one motor step at the table, in degrees")
 
@@ -28,6 +26,6 @@ class OrientalAzDevice(SimulatedDevice):
         """The axis that it turns."""
         return (self.axis,)
 
-    def install(self, world: World) -> Device:
+    def controller(self, world: World) -> OrientalAz:
         """Put its axis into the world."""
         return OrientalAz(self.unit, world.add_axis(self.axis, self.step_deg))

@@ -196,7 +196,7 @@ def test_stop_needs_no_answer_may_be_repeated_and_interrupts_an_exchange(arm, un
         axis.position_deg()
     axis.stop()
     axis.stop()
-    until(lambda: peer.commands == [b"1TP?", b"WT0", b"1ST", b"WT0", b"1ST"])
+    until(lambda: peer.commands[-4:] == [b"WT0", b"1ST", b"WT0", b"1ST"])
 
 
 def test_command_sent_in_part_neither_becomes_a_motion_nor_swallows_the_stop(arm, until):
@@ -210,7 +210,7 @@ def test_stop_opens_a_lost_link_once_more(arm, until):
     peer, controller, axis = arm()
     controller.connect()
     peer.vanish()
-    until(lambda: bool(select.select([controller._link._socket], [], [], 0)[0]))
+    until(lambda: bool(select.select([controller._link], [], [], 0)[0]))
     axis.stop()
     until(lambda: peer.commands[-2:] == [b"WT0", b"1ST"])
     assert peer.connections == 2
@@ -231,7 +231,7 @@ def test_stop_that_cannot_be_sent_tells_to_cut_the_power(arm, until):
     peer, controller, axis = arm()
     controller.connect()
     peer.close()
-    until(lambda: bool(select.select([controller._link._socket], [], [], 0)[0]))
+    until(lambda: bool(select.select([controller._link], [], [], 0)[0]))
     with pytest.raises(
         NotConnectedError,
         match=r"source_arm: .* may still be moving\. What to do: cut its power or press the emergency stop now",
@@ -243,8 +243,6 @@ def test_late_answer_is_not_taken_for_the_next_one(arm):
     peer, _, axis = arm(
         reply_timeout_s=0.05, **{"1TP": [b"", b"34.000000\r\n"], "VE": b"12.500000\r\n" + ANSWERS[b"VE?"]}
     )
-    with pytest.raises(ReplyTimeoutError, match="1TP"):
-        axis.position_deg()
     assert axis.position_deg() == 34.0
     assert peer.commands == [b"1TP?", b"WT0", b"VE?", b"1TP?"]
 
@@ -252,34 +250,32 @@ def test_late_answer_is_not_taken_for_the_next_one(arm):
 def test_late_identity_does_not_put_answers_one_question_behind(arm):
     answers = {"1TP": [b"", b"34.000000\r\n", b"35.000000\r\n"], "VE": [b"", b"12.500000\r\n" + 2 * IDENTITY]}
     _, _, axis = arm(reply_timeout_s=0.05, **answers)
-    for question in ("1TP", "VE"):
-        with pytest.raises(ReplyTimeoutError, match=question):
-            axis.position_deg()
     assert [axis.position_deg(), axis.position_deg()] == [34.0, 35.0]
 
 
 def test_answers_are_not_trusted_while_an_identity_is_still_to_come(arm):
     _, _, axis = arm(reply_timeout_s=0.05, **{"1TP": [b"", b"34.000000\r\n"], "VE": [b"", IDENTITY, 2 * IDENTITY]})
-    for question in ("1TP", "VE", "VE"):
-        with pytest.raises(ReplyTimeoutError, match=question):
-            axis.position_deg()
+    with pytest.raises(ReplyTimeoutError, match="VE"):
+        axis.position_deg()
     assert axis.position_deg() == 34.0
 
 
-@pytest.mark.parametrize("question", ["1TP", "1MD", "1SN", "1ID", "TB"])
-def test_answer_that_is_none_is_proof_of_nothing(arm, question):
+@pytest.mark.parametrize("question", ["1TP", "1MD", "1SN", "1ID"])
+def test_answer_that_is_none_is_asked_for_again_once_answers_are_proven(arm, question):
     usable = ANSWERS[question.encode() + b"?"]
-    peer, controller, axis = arm(**{question: [b"3.5.7\r\n", usable]})
-    use = {
-        "1TP": axis.position_deg,
-        "1MD": axis.is_moving,
-        "TB": lambda: controller.raise_errors("nothing"),
-    }.get(question, axis.connect)
-    with pytest.raises(ReplyError, match=question):
-        use()
-    asked = len(peer.commands)
-    use()
-    assert peer.commands[asked : asked + 2] == [b"WT0", b"VE?"]
+    peer, _, axis = arm(**{question: [b"3.5.7\r\n", usable]})
+    {"1TP": axis.position_deg, "1MD": axis.is_moving}.get(question, axis.connect)()
+    asked = peer.commands.index(question.encode() + b"?")
+    assert peer.commands[asked + 1 : asked + 4] == [b"WT0", b"VE?", question.encode() + b"?"]
+
+
+def test_error_report_that_is_none_is_not_asked_for_again_because_that_would_take_the_next_one(arm):
+    peer, controller, _ = arm(TB=[b"3.5.7\r\n", CLEAN])
+    with pytest.raises(ReplyError, match="TB"):
+        controller.raise_errors("nothing")
+    assert peer.commands == [b"TB?"]
+    controller.raise_errors("nothing")
+    assert peer.commands == [b"TB?", b"WT0", b"VE?", b"TB?"]
 
 
 def test_line_that_nobody_asked_for_is_not_an_answer(arm, until):

@@ -5,9 +5,9 @@ import re
 import numpy as np
 import pytest
 
-from drivers.link import take_frame
+from drivers.framing import take_frame
 from drivers.thorlabs_pm100 import ThorlabsPm100, parse_error
-from goniometer.errors import DeviceFaultError, LimitError, ReplyError, ReplyTimeoutError
+from goniometer.errors import DeviceFaultError, LimitError, NotConnectedError, ReplyError, ReplyTimeoutError
 
 NONE = b'+0,"No error"\n'
 ANSWERS = {
@@ -258,3 +258,24 @@ def test_wavelength_that_the_meter_does_not_hold_is_refused(meter):
     _, meter = meter()
     with pytest.raises(ReplyError, match="'550', which is not the 633 nm just set"):
         meter.set_wavelength_nm(633)
+
+
+def test_meter_that_was_switched_off_is_set_up_again(meter, until):
+    peer, meter = meter()
+    meter.connect()
+    meter.set_wavelength_nm(550)
+    meter.start_reading(0.03)
+    until(lambda: not meter.is_reading())
+    peer.vanish()
+    with pytest.raises(NotConnectedError, match="meter: the link on port"):
+        until(lambda: not meter.start_reading(0.03))
+    sent = len(peer.commands)
+    assert meter.reconnect() == ()
+    with pytest.raises(ReplyError, match="there is no finished reading"):
+        meter.power_w()
+    meter.start_reading(0.03)
+    until(lambda: not meter.is_reading())
+    assert {b"SENS:POW:UNIT W", b"SENS:POW:RANG:AUTO 1", b"SENS:CORR:WAV 550", b"SENS:AVER 10"} <= set(
+        peer.commands[sent:]
+    )
+    assert meter.power_w() == 1.234205e-3

@@ -1,6 +1,6 @@
-"""Drives a bench's Oriental Motor AZ with MinimalModbus; run in the environment of requirements.txt.
+"""Drives a bench's Oriental Motor AZ and SMC LEC with MinimalModbus; run in the environment of requirements.txt.
 
-Argument: the serial port of the drive. Prints one JSON object.
+Arguments: the serial ports of the AZ and, where there is one, of the LEC, both unit 1. Prints one JSON object.
 """
 
 import json
@@ -11,6 +11,9 @@ import minimalmodbus
 
 DIRECT_DATA, DRIVER_INPUT, DRIVER_STATUS, FEEDBACK_POSITION = 0x0058, 0x007C, 0x007E, 0x00CC
 MOVE, IN_POSITION = 1 << 13, 1 << 14
+SVON, SETUP, SERIAL_MODE = 0x19, 0x1C, 0x30
+BUSY, SVRE, SETON = 0x48, 0x49, 0x4A
+LEC_POSITION, START, OPERATION = 0x9000, 0x9100, 0x9102
 STEPS = 1500
 
 
@@ -18,7 +21,7 @@ def words(value):
     return [(value >> 16) & 0xFFFF, value & 0xFFFF]
 
 
-def main(port):
+def drive_az(port):
     drive = minimalmodbus.Instrument(port, 1)
     drive.serial.timeout = 2
 
@@ -55,5 +58,46 @@ def main(port):
     return found
 
 
+def drive_lec(port):
+    controller = minimalmodbus.Instrument(port, 1)
+    controller.serial.timeout = 2
+
+    def wait_until(place, state):
+        for _ in range(1000):
+            if controller.read_bit(place, functioncode=2) == state:
+                return
+            time.sleep(0.01)
+        raise TimeoutError(f"input {place:#x} has not become {state}")
+
+    found = {}
+    try:
+        controller.write_register(OPERATION, 1, functioncode=6)
+    except minimalmodbus.ModbusException as error:
+        found["function 06"] = str(error)
+    controller.write_bit(SERIAL_MODE, 1)
+    controller.write_bit(SVON, 1)
+    wait_until(SVRE, 1)
+    controller.write_bit(SETUP, 1)
+    wait_until(SETON, 1)
+    controller.write_bits(SVON, [1, 0, 0, 0])
+    controller.write_registers(
+        OPERATION, [1, 60, *words(-4500), 300, 300, 0, 0, 0, 100, *words(0), *words(0), *words(10)]
+    )
+    controller.write_register(START, 0x0100)
+    wait_until(BUSY, 0)
+    return found | {
+        "position": controller.read_long(LEC_POSITION, signed=True),
+        "target": controller.read_long(LEC_POSITION + 4, signed=True),
+        "start": controller.read_register(START),
+        "coils": controller.read_bits(SVON, 4, functioncode=1),
+        "inputs": controller.read_bits(BUSY, 8, functioncode=2),
+    }
+
+
+def main(az_port, lec_port=None):
+    found = drive_az(az_port)
+    return found | {"lec": drive_lec(lec_port)} if lec_port else found
+
+
 if __name__ == "__main__":
-    print(json.dumps(main(sys.argv[1])))
+    print(json.dumps(main(*sys.argv[1:])))

@@ -1,6 +1,8 @@
 """A scene to change, and three ways to hand bytes to a device."""
 
 import copy
+import heapq
+import itertools
 import socket
 from urllib.parse import urlsplit
 
@@ -67,6 +69,44 @@ def ask():
         return text_of(session.receive(data, now_s))
 
     return ask_session
+
+
+class Conversation:
+    """A session with all that it says, also what it says later and on its own."""
+
+    def __init__(self, session):
+        self._session = session
+        self._due, self._order = [], itertools.count()
+        self._heard = []
+
+    def send(self, data, now_s=0.0):
+        """Hand over bytes; what was due before has been said before."""
+        self._listen(now_s)
+        self._enter(self._session.receive(data, now_s))
+
+    def hear(self, until_s):
+        """The times and bytes that are due by then and were not returned before."""
+        self._listen(until_s)
+        heard, self._heard = self._heard, []
+        return heard
+
+    def _listen(self, until_s):
+        while self._due and self._due[0][0] <= until_s:
+            due_s, _, said = heapq.heappop(self._due)
+            if isinstance(said, bytes):
+                self._heard.append((due_s, said))
+            else:
+                self._enter(said(due_s))
+
+    def _enter(self, due):
+        for due_s, said in due:
+            heapq.heappush(self._due, (due_s, next(self._order), said))
+
+
+@pytest.fixture
+def converse():
+    """Begin a conversation with a device."""
+    return lambda device: Conversation(device.session())
 
 
 @pytest.fixture

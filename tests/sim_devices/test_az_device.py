@@ -132,9 +132,11 @@ def test_bytes_that_never_become_a_frame_fill_no_memory(drive, ask):
     assert ask(az, framed("01 03 00 CC 00 02")) == framed("01 03 04 00 00 00 00")
 
 
-def test_a_reply_takes_three_milliseconds(drive):
-    ((due_s, _),) = drive.session().receive(framed("01 03 00 CC 00 02"), 2.0)
-    assert_allclose(due_s, 2.003)
+def test_a_reply_takes_the_time_of_both_frames_and_a_millisecond(drive):
+    character_s = 11 / 115_200
+    first, second = drive.session().receive(framed("01 03 00 CC 00 02") * 2, 2.0)
+    exchange_s = 0.001 + (8 + 3.5 + 9) * character_s
+    assert_allclose([first[0], second[0]], [2.0 + exchange_s, 2.0 + 2 * exchange_s])
 
 
 def test_a_broadcast_moves_without_an_answer(drive, host):
@@ -287,6 +289,17 @@ def test_no_speed_is_an_alarm_until_it_is_reset(host):
     host.move(1, 100, 4.0, speed=0)
     host.write(INPUT, ALM_RST, now_s=5.0)
     assert host.has(READY, 5.0)
+
+
+def test_a_protection_stops_the_motor(host, drive):
+    host.move(1, 3000, 0.0)
+    drive.trip(0x30, 1.0)
+    assert host.read(0x0080, 1.5) == 0x30
+    assert host.has(ALARM | IN_POS, 1.5)
+    # 2000 step/s · 1 s - 200 steps to start, and 200 to stop
+    assert host.read(POSITION, 1.5) == 2000
+    host.move(1, 0, 2.0)
+    assert host.read(POSITION, 9.0) == 2000
 
 
 def test_the_position_can_be_preset_at_rest_only(host, table):

@@ -6,21 +6,21 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from sim_devices.contact import Bodies, ContactWatch, WatchedAxis
+from sim_devices.axis import Axis
+from sim_devices.contact import Bodies, ContactWatch
 
 BODIES = Bodies(source_arm_half_deg=6.0, detector_arm_half_deg=5.0, frame_deg=110.0)
 
 
 @pytest.fixture
 def arms():
-    axes = {}
-    watch = ContactWatch(BODIES, axes)
-    for role in ("source_arm", "detector_arm"):
-        axes[role] = WatchedAxis(0.0005, watch)
-    axes["detector_arm"].move(90.0, 0.0, **speed(1e6))
-    watch.look(1.0)
-    watch.contact = None  # they start on top of each other
-    return watch, axes
+    axes = {role: Axis(0.0005) for role in ("source_arm", "detector_arm")}
+    axes["detector_arm"].move(90.0, -10.0, **speed(1e4))
+    return watch_of(axes), axes
+
+
+def watch_of(axes):
+    return ContactWatch(BODIES, axes, {role: axis.motor_deg for role, axis in axes.items()})
 
 
 def speed(velocity_deg_s):
@@ -36,7 +36,7 @@ def speed(velocity_deg_s):
     [(60, 60, 44), (60, -60, -11), (60, -40, 9), (-60, 71, 0), (60, 105, 0), (104, 0, 0), (0, -106, -1)],
 )
 def test_the_room_between_the_arms(source_deg, detector_deg, room_deg):
-    assert_allclose(min(BODIES.clearances_deg(source_deg, detector_deg).values()), room_deg, atol=1e-12)
+    assert_allclose(min(BODIES.rooms_deg(source_deg, detector_deg))[0], room_deg, atol=1e-12)
 
 
 def test_a_brush_between_two_looks_is_found_at_its_moment(arms):
@@ -54,20 +54,16 @@ def test_random_motions_agree_with_a_fine_look():
     rng = np.random.default_rng(9)
     found = 0
     for _ in range(60):
-        axes = {}
-        watch = ContactWatch(BODIES, axes)
-        for role, start_deg in (("source_arm", 0.0), ("detector_arm", 60.0)):
-            axes[role] = WatchedAxis(0.0005, watch)
-            axes[role].move(start_deg, -10.0, **speed(1e4))
+        axes = {role: Axis(0.0005) for role in ("source_arm", "detector_arm")}
+        axes["detector_arm"].move(60.0, -10.0, **speed(1e4))
+        watch = watch_of(axes)
         time_s = 0.0
         for _ in range(4):
             role = rng.choice(["source_arm", "detector_arm"])
             axes[role].move(rng.uniform(-30, 100), time_s, **speed(rng.uniform(5, 40)))
             time_s += rng.uniform(0.5, 4.0)
         times_s = np.arange(0.0, time_s + 20, 2e-3)
-        room_deg = [
-            min(BODIES.clearances_deg(*(axes[role].position_deg(t) for role in axes)).values()) for t in times_s
-        ]
+        room_deg = [min(BODIES.rooms_deg(*(axis.motor_deg(t) for axis in axes.values())))[0] for t in times_s]
         contact = watch.look(time_s + 20)
         if abs(min(room_deg)) < 0.05:
             continue

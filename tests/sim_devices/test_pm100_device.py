@@ -223,3 +223,13 @@ def test_headers_have_a_short_and_a_long_form_and_nothing_between():
         for scalar in ("", ":SCAL", ":SCALAR")
         for power in ("POW", "POWER")
     }
+
+
+def test_a_saturated_detector_reads_over_range_and_takes_no_zero(scene_with, ask, errors):
+    power_w = World(scene_with()).power_w(1.0)
+    for limit_w, over_range in ((0.99 * power_w, True), (1.01 * power_w, False)):
+        world = World(scene_with(effects=[{"effect": "saturation", "power_w": limit_w}]))
+        pm = ThorlabsPm100(world).session()
+        assert (ask(pm, b"MEAS:POW?\n", 1.0) == b"9.9E+37\n") is over_range
+        ask(pm, b"SENS:CORR:COLL:ZERO\n", 2.0)
+        assert errors(pm) == ([-200] if over_range else [])

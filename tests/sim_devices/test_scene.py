@@ -3,9 +3,15 @@
 import math
 
 import pytest
-from pydantic import ValidationError
+from pydantic import TypeAdapter, ValidationError
 
+from sim_devices.effects.known import AnyEffect
 from sim_devices.scene import Scene
+
+EFFECT = TypeAdapter(AnyEffect)
+BACKLASH = {"effect": "backlash", "axis": "source_arm", "play_deg": 0.05}
+ERRORS = {"effect": "slot_angle_errors", "errors_deg": {2: 0.5}}
+SHARES = {"effect": "slot_transmissions", "relative": {1: 0.98, 2: 0.9}}
 
 
 def changed(document, path, value):
@@ -65,6 +71,17 @@ def test_an_index_stands_in_for_a_material(scene_with):
         (("effects",), [{"effect": "shot_noise"}, {"effect": "shot_noise"}], "given 2 times"),
         (("effects",), [{"effect": "dark_current"}], "Field required"),
         (("effects",), [{"effect": "quantisation", "digits": 0}], "greater than or equal to 1"),
+        (("effects",), [BACKLASH, BACKLASH | {"play_deg": 1.0}], "backlash of source_arm is given 2 times"),
+        (("effects",), [BACKLASH | {"axis": "sample_azimuth"}], "'source_arm' or 'detector_arm'"),
+        (("effects",), [BACKLASH | {"play_deg": 0.0}], "greater than 0"),
+        (("effects",), [BACKLASH | {"play_mm": 0.1}], "Extra inputs"),
+        (("effects",), [ERRORS | {"errors_deg": {1: 0.5}}], "slot 1 is open, so it has no angle"),
+        (("effects",), [ERRORS | {"errors_deg": {7: 0.5}}], "slot 7 is not on the analyzer, so it has no angle"),
+        (("effects",), [ERRORS | {"errors_deg": {}}], "at least 1"),
+        (("effects",), [SHARES | {"relative": {6: 0.9}}], "slot 6 is blocked, so it passes no share"),
+        (("effects",), [SHARES | {"relative": {9: 0.9}}], "slot 9 is not on the analyzer, so it passes no share"),
+        (("effects",), [SHARES | {"relative": {2: 1.1}}], "less than or equal to 1"),
+        (("effects",), [{"effect": "extinction_ratio", "ratio": 1.0}], "greater than 1"),
     ],
 )
 def test_a_fault_is_named(scene_document, path, value, message):
@@ -89,6 +106,17 @@ def test_a_sample_must_reflect(scene_document):
     scene_document["sample"] |= {"rho_s": 0, "rho_d": 0, "rho_dd": 0}
     with pytest.raises(ValidationError, match="reflects nothing"):
         Scene.model_validate(scene_document)
+
+
+def test_an_effect_of_one_arm_may_be_given_for_the_other_too(scene_with):
+    both = [BACKLASH, BACKLASH | {"axis": "detector_arm"}, ERRORS, SHARES]
+    assert len(scene_with(effects=both).effects) == 4
+
+
+def test_an_analyzer_that_is_no_wheel_has_no_slots_to_be_wrong():
+    for effect in (ERRORS, SHARES | {"relative": {1: 0.5}}, {"effect": "wheel_wobble", "stddev_deg": 0.1}):
+        (fault,) = EFFECT.validate_python(effect).faults({})
+        assert "analyzer" in fault
 
 
 def test_editors_get_a_schema():

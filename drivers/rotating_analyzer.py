@@ -1,0 +1,177 @@
+"""An analyzer made of a polarizer that turns, and optionally of a quarter-wave plate before it that turns too."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from contextlib import ExitStack
+from dataclasses import dataclass
+from typing import Protocol
+
+from goniometer.errors import ConfigurationError, DeviceError, LimitError, NotConnectedError, PositionError
+
+
+class TurningAxis(Protocol):
+    """What carries an element; `drivers.axis.Axis` is one. Angles in degrees."""
+
+    name: str
+    settle_s: float
+    tolerance_deg: float
+
+    def start_move(self, target_deg: float) -> None:
+        """Begin to move."""
+        ...
+
+    def is_moving(self) -> bool:
+        """Ask whether the motion goes on."""
+        ...
+
+    def position_deg(self) -> float:
+        """Where the axis says it is."""
+        ...
+
+    def stop(self) -> None:
+        """Stop; safe to call at any time."""
+        ...
+
+
+@dataclass(frozen=True)
+class SlotAngles:
+    """Where the axes stand for one slot, in degrees; `plate_deg` is None without a plate."""
+
+    polarizer_deg: float
+    plate_deg: float | None = None
+
+
+class RotatingAnalyzer:
+    """Numbered slots, each an angle of the polarizer and one of the plate.
+
+    Parameters
+    ----------
+    polarizer : TurningAxis
+        Turns the polarizer.
+    plate : TurningAxis or None
+        Turns the quarter-wave plate, when there is one.
+    name : str
+        The device's name in the rig file.
+    slots : mapping of int to SlotAngles
+        The angles of each slot.
+
+    Raises
+    ------
+    ConfigurationError
+        When a slot lacks an angle or has one too many, or when two slots cannot be told apart.
+    """
+
+    def __init__(
+        self, polarizer: TurningAxis, plate: TurningAxis | None = None, *, name: str, slots: Mapping[int, SlotAngles]
+    ) -> None:
+        self.name = name
+        self._axes = (polarizer,) if plate is None else (polarizer, plate)
+        self.settle_s = max(axis.settle_s for axis in self._axes)
+        self._slots = {slot: _angles_deg(angles) for slot, angles in slots.items()}
+        faults = self._faults()
+        if faults:
+            raise ConfigurationError(faults)
+
+    def start_select(self, slot: int) -> None:
+        """Begin to turn the axes to a slot's angles.
+
+        Raises
+        ------
+        LimitError
+            For a slot that there is not; nothing is sent.
+        DeviceError
+            When an axis does not take its move; an axis that has begun is stopped.
+        """
+        if slot not in self._slots:
+            raise LimitError(
+                self.name,
+                f"slot {slot} does not exist; the analyzer has the slots {', '.join(map(str, sorted(self._slots)))}",
+                not_done="the move was refused and nothing was sent",
+                to_do="correct the slot in the rig file",
+            )
+        with ExitStack() as undo:
+            undo.callback(self.stop)
+            for axis, angle_deg in zip(self._axes, self._slots[slot], strict=True):
+                axis.start_move(angle_deg)
+            undo.pop_all()
+
+    def is_moving(self) -> bool:
+        """Whether an axis is still on its way; raises what an axis raises when its motion has failed."""
+        moving = [axis.is_moving() for axis in self._axes]  # each is asked: asking is what moves an axis on
+        return any(moving)
+
+    def slot(self) -> int:
+        """Which slot's angles the axes say they are at, each within its tolerance and whole turns aside.
+
+        Raises
+        ------
+        PositionError
+            When they are at no slot's angles.
+        """
+        positions_deg = tuple(axis.position_deg() for axis in self._axes)
+        for slot, angles_deg in self._slots.items():
+            if self._are_alike(positions_deg, angles_deg, tolerances=1):
+                return slot
+        raise PositionError(
+            self.name,
+            " and ".join(
+                f"{axis.name} stands at {position_deg:g} degrees"
+                for axis, position_deg in zip(self._axes, positions_deg, strict=True)
+            )
+            + ", which is no slot of the analyzer",
+            not_done="no slot is in the beam",
+            to_do="check that nothing holds the mounts and that nobody turned them, and home them",
+        )
+
+    def stop(self) -> None:
+        """Stop every axis, also when one of them cannot be stopped; safe to call at any time.
+
+        Raises
+        ------
+        DeviceError
+            What the axis that could not be stopped has raised; NotConnectedError when there was more than one.
+        """
+        failures: list[DeviceError] = []
+        for axis in self._axes:
+            try:
+                axis.stop()
+            except DeviceError as failure:
+                failures.append(failure)
+        if len(failures) > 1:
+            raise NotConnectedError(
+                self.name,
+                "; ".join(f"{failure.device}: {failure.happened}" for failure in failures),
+                not_done="neither axis was stopped, and both may still be moving",
+                to_do=failures[0].to_do,
+            )
+        if failures:
+            raise failures[0]
+
+    def _faults(self) -> list[str]:
+        faults = [
+            f"{self.name}: slot {slot} has {len(angles_deg)} angles; allowed: {len(self._axes)}, one for each of "
+            f"{' and '.join(axis.name for axis in self._axes)}. Correct the slot in the rig file."
+            for slot, angles_deg in self._slots.items()
+            if len(angles_deg) != len(self._axes)
+        ]
+        if faults:
+            return faults
+        slots = sorted(self._slots)
+        return [
+            f"{self.name}: the slots {one} and {other} have angles that cannot be told apart within the axes' "
+            "tolerances. Give them other angles, or leave one of them out."
+            for number, one in enumerate(slots)
+            for other in slots[number + 1 :]
+            if self._are_alike(self._slots[one], self._slots[other], tolerances=2)
+        ]
+
+    def _are_alike(self, some_deg: tuple[float, ...], others_deg: tuple[float, ...], tolerances: int) -> bool:
+        return all(
+            abs((one_deg - other_deg + 180.0) % 360.0 - 180.0) <= tolerances * axis.tolerance_deg
+            for axis, one_deg, other_deg in zip(self._axes, some_deg, others_deg, strict=True)
+        )
+
+
+def _angles_deg(angles: SlotAngles) -> tuple[float, ...]:
+    return (angles.polarizer_deg,) if angles.plate_deg is None else (angles.polarizer_deg, angles.plate_deg)

@@ -1,0 +1,128 @@
+"""What an SR830 can be asked and told, one line each."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import Flag
+
+from drivers.line_dialogue import LineDialogue
+from drivers.link import Link
+from drivers.reply_text import number, unusable, whole_number
+
+LEAST_SENSITIVE = 26
+_SETTLING_TIME_CONSTANTS = (5, 7, 9, 10)  # to 99 %, for slopes of 6, 12, 18 and 24 dB an octave
+_SLOWEST = 19
+_ANSWERS_TO_SERIAL_PORT = "OUTX 0"
+_SAMPLE = "SNAP? 3,4,9"
+
+
+@dataclass(frozen=True)
+class Sample:
+    """One simultaneous reading: magnitude in volts (rms), phase in degrees, reference frequency in hertz."""
+
+    magnitude_v: float
+    phase_deg: float
+    reference_hz: float
+
+
+@dataclass(frozen=True)
+class OutputFilter:
+    """The low-pass filter behind the demodulator: its time constant, and how many of them a step takes to 99 %."""
+
+    time_constant_s: float
+    settling_time_constants: int
+
+
+class Condition(Flag):
+    """What has happened since the lock-in was last asked."""
+
+    INPUT_OVERLOAD = 1
+    FILTER_OVERLOAD = 2
+    OUTPUT_OVERLOAD = 4
+    UNLOCKED = 8
+    RANGE_CHANGED = 16
+    TIME_CONSTANT_CHANGED = 32
+    TRIGGERED = 64
+
+
+def parse_sample(device: str, answer: str) -> Sample:
+    """Read an answer to ``SNAP? 3,4,9`` such as ``0.00103,12.5,317.2``; raises ReplyError otherwise."""
+    fields = answer.split(",")
+    if len(fields) != 3:
+        raise unusable(device, _SAMPLE, answer, "three numbers with commas between")
+    return Sample(*(number(device, _SAMPLE, field.strip()) for field in fields))
+
+
+def parse_condition(device: str, answer: str) -> Condition:
+    """Read an answer to ``LIAS?``, a byte of flags; raises ReplyError otherwise."""
+    flags = whole_number(device, "LIAS?", answer)
+    if not 0 <= flags <= 0xFF:
+        raise unusable(device, "LIAS?", answer, "a whole number from 0 to 255")
+    return Condition(flags & 0x7F)
+
+
+def time_constant_s(index: int) -> float:
+    """Return the time constant with this index: 10 us, 30 us, 100 us ... 30 ks."""
+    return float(f"{3 if index % 2 else 1}e{index // 2 - 5}")
+
+
+class Sr830LockIn:
+    """A lock-in amplifier SR830 or SR810 on RS-232.
+
+    Parameters
+    ----------
+    link : Link
+        The serial port, without handshake.
+    name : str
+        The device's name in the rig file.
+    """
+
+    def __init__(self, link: Link, *, name: str) -> None:
+        self._name = name
+        self._dialogue = LineDialogue(
+            link,
+            identity_question="*IDN?",
+            identity="STANFORD_RESEARCH_SYSTEMS,SR8",
+            command_end=b"\r",
+            answer_end=b"\r",
+            end_cut_command=lambda: self._dialogue.tell(_ANSWERS_TO_SERIAL_PORT),
+        )
+
+    def begin(self) -> None:
+        """Have the answers sent to this port, and the identity proven before the next question."""
+        self._dialogue.begin()
+
+    def output_filter(self) -> OutputFilter:
+        """Ask for the time constant and the slope of the output filter."""
+        return OutputFilter(
+            time_constant_s(self._index("OFLT?", _SLOWEST)),
+            _SETTLING_TIME_CONSTANTS[self._index("OFSL?", len(_SETTLING_TIME_CONSTANTS) - 1)],
+        )
+
+    def sensitivity(self) -> int:
+        """Ask for the index of the full scale, 0 (2 nV) to 26 (1 V)."""
+        return self._index("SENS?", LEAST_SENSITIVE)
+
+    def set_sensitivity(self, index: int) -> None:
+        """Set the full scale; raises ReplyError when the lock-in holds another one afterwards."""
+        self._dialogue.tell(f"SENS {index}")
+        held = self.sensitivity()
+        if held != index:
+            raise unusable(self._name, "SENS?", str(held), f"the sensitivity {index} just set")
+
+    def condition(self) -> Condition:
+        """Ask what has happened since the last question; what was told is forgotten by the lock-in."""
+        return self._dialogue.query("LIAS?", lambda answer: parse_condition(self._name, answer))
+
+    def sample(self) -> Sample:
+        """Ask for magnitude, phase and reference frequency of one moment."""
+        return self._dialogue.query(_SAMPLE, lambda answer: parse_sample(self._name, answer), safe_to_repeat=True)
+
+    def _index(self, question: str, largest: int) -> int:
+        def read(answer: str) -> int:
+            index = whole_number(self._name, question, answer)
+            if not 0 <= index <= largest:
+                raise unusable(self._name, question, answer, f"a whole number from 0 to {largest}")
+            return index
+
+        return self._dialogue.query(question, read, safe_to_repeat=True)

@@ -1,0 +1,115 @@
+"""Thorlabs Elliptec modules in a rig file: rotators, and sliders of polarizers."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Annotated, Literal, Self
+
+from pydantic import Field, model_validator
+
+from acquisition.section import SectionFault, refuse_all
+from acquisition.timing import AnalyzerTiming, SliderTiming
+from drivers.axis import Axis
+from drivers.elliptec_bus import ElliptecBus
+from drivers.thorlabs_elliptec import ElliptecRotator
+from drivers.thorlabs_elliptec_slider import ElliptecSlider
+from goniometer.rig_devices.connecting import Connecting
+from goniometer.rig_devices.entry import AnalyzerEntry, AxesEntry, AxisEntry, Role, Slot, angle_faults
+from sim_devices.bench_devices.entry import SimulatedDevice
+from sim_devices.bench_devices.thorlabs_elliptec import ThorlabsElliptecDevice, ThorlabsElliptecSliderDevice
+
+Address = Annotated[str, Field(pattern="^[0-9A-F]$", description="the module's address, one hexadecimal digit")]
+
+
+def bus_of(name: str, bench: Connecting) -> ElliptecBus:
+    """The line of a module, which others may share."""
+    return bench.shared(name, lambda _: ElliptecBus(bench.link(name, baudrate=9600), bench.clock))
+
+
+class ThorlabsElliptecEntry(AxesEntry):
+    """Thorlabs ELL14 or ELL18 rotator; up to 16 modules share a port."""
+
+    driver: Literal["thorlabs_elliptec"] = Field(description="the device's family")
+    address: Address = "0"
+    axes: dict[Role, AxisEntry] = Field(min_length=1, max_length=1, description="what it turns, by role")
+
+    @property
+    def place(self) -> str | None:
+        """Its address on the line."""
+        return f"address {self.address}"
+
+    def axes_by_role(self) -> Mapping[Role, AxisEntry]:
+        """Its axis."""
+        return self.axes
+
+    def connect(self, name: str, bench: Connecting) -> None:
+        """Connect the module."""
+        for role, axis in self.axes.items():
+            stage = ElliptecRotator(
+                bus_of(name, bench),
+                int(self.address, 16),
+                name=role,
+                velocity_deg_s=axis.velocity_deg_s,
+                acceleration_deg_s2=axis.acceleration_deg_s2,
+            )
+            bench.note(name, stage.connect())
+            bench.axes[role] = Axis(stage, bench.clock, axis.travel)
+
+    def unlike(self, simulated: SimulatedDevice) -> Iterator[SectionFault]:
+        """Whether address and axis are the same."""
+        assert isinstance(simulated, ThorlabsElliptecDevice)
+        if simulated.address != self.address:
+            yield ("address",), f"got {simulated.address}; allowed: {self.address}"
+        if simulated.axis not in self.axes:
+            yield ("axis",), f"got {simulated.axis}; allowed: {', '.join(self.axes)}"
+
+
+class ThorlabsElliptecSliderEntry(AnalyzerEntry):
+    """Thorlabs ELL9 (four slots) or ELL6 (two) with polarizers in its slots."""
+
+    driver: Literal["thorlabs_elliptec_slider"] = Field(description="the device's family")
+    address: Address = "0"
+    slots: dict[Annotated[int, Field(ge=1, le=4)], Slot] = Field(
+        description="what each of the 2 or 4 slots holds: a polarizer's angle in degrees, open, or blocked"
+    )
+    slot_s: float = Field(gt=0, le=10, description="time from one slot to its neighbour, in s")
+
+    @model_validator(mode="after")
+    def _check_slots(self) -> Self:
+        refuse_all(self._slot_faults())
+        return self
+
+    def _slot_faults(self) -> Iterator[SectionFault]:
+        if sorted(self.slots) not in ([1, 2], [1, 2, 3, 4]):
+            yield ("slots",), "must be every slot of the slider, 1 and 2 or 1 to 4. Write blocked for one not used"
+        yield from angle_faults(self.slots)
+
+    @property
+    def place(self) -> str | None:
+        """Its address on the line."""
+        return f"address {self.address}"
+
+    def contents(self) -> Mapping[int, Slot]:
+        """What each slot holds."""
+        return self.slots
+
+    @property
+    def timing(self) -> AnalyzerTiming:
+        """A slider goes from slot to slot."""
+        return SliderTiming(self.slot_s, self.settle_s)
+
+    def connect(self, name: str, bench: Connecting) -> None:
+        """Connect the module."""
+        slider = ElliptecSlider(
+            bus_of(name, bench), int(self.address, 16), name=name, slots=len(self.slots), settle_s=self.settle_s
+        )
+        slider.connect()
+        bench.analyzers[name] = slider
+
+    def unlike(self, simulated: SimulatedDevice) -> Iterator[SectionFault]:
+        """Whether address and number of slots are the same."""
+        assert isinstance(simulated, ThorlabsElliptecSliderDevice)
+        if simulated.address != self.address:
+            yield ("address",), f"got {simulated.address}; allowed: {self.address}"
+        if len(simulated.slots) != len(self.slots):
+            yield ("slots",), f"hold {len(simulated.slots)} slots; allowed: {len(self.slots)}"

@@ -1,0 +1,55 @@
+"""When the light is looked at, for how long, and the random numbers that belong to it."""
+
+from __future__ import annotations
+
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+SAMPLE_S = 0.003
+
+Stokes = NDArray[np.floating]
+
+
+class Moment:
+    """A stretch of time over which light is averaged; of no length for the light at an instant.
+
+    Parameters
+    ----------
+    middle_s : float
+        Its middle.
+    exposure_s : float
+        Its length.
+    """
+
+    def __init__(self, middle_s: float, exposure_s: float) -> None:
+        self.middle_s, self.exposure_s = middle_s, exposure_s
+
+
+class Measurement(Moment):
+    """A moment that a detector measures, with random numbers that are the same for the same seed and number.
+
+    Parameters
+    ----------
+    middle_s, exposure_s : float
+        Middle and length.
+    seed : int
+        The scene's seed.
+    number : int
+        Counts the measurements of the bench from 0.
+    """
+
+    def __init__(self, middle_s: float, exposure_s: float, seed: int, number: int) -> None:
+        super().__init__(middle_s, exposure_s)
+        self._key = [seed, number]
+
+    @cached_property
+    def random(self) -> np.random.Generator:
+        """Random numbers, made only when an effect draws some."""
+        return np.random.default_rng(self._key)
+
+
+def seeded(seed: int, number: int, name: str) -> np.random.Generator:
+    """Random numbers of their own for the `number`-th event of what `name` names."""
+    return np.random.default_rng([seed, number, *name.encode()])
