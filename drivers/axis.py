@@ -61,8 +61,9 @@ class Axis:
 
     Attributes
     ----------
-    permit : callable
-        Asked before a move with the angles where it begins, turns and ends; raises to refuse it.
+    permit : callable or None
+        Asked before a move with the angles where it begins, turns and ends; raises to refuse it. None for an axis that
+        cannot touch anything.
     """
 
     def __init__(self, stage: Stage, clock: Clock, travel: Travel) -> None:
@@ -75,7 +76,8 @@ class Axis:
         self._progress: Progress | None = None
         self._came_from_below = False
         self._way_deg: list[float] = []
-        self.permit: Callable[[Sequence[float]], None] = _permit_all
+        self._rests = False
+        self.permit: Callable[[Sequence[float]], None] | None = None
 
     def connect(self) -> tuple[str, ...]:
         """Check the stage and set it up; moves nothing. Returns errors left in it from earlier use."""
@@ -88,7 +90,7 @@ class Axis:
     def start_homing(self) -> None:
         """Begin to search the home position; `is_moving` tells when it is found."""
         self._forget_motion()
-        self._came_from_below = False
+        self._came_from_below = self._rests = False
         self._deadline = Deadline(self._clock, _HOMING_S)
         self._stage.start_homing()
 
@@ -115,14 +117,17 @@ class Axis:
         self._forget_motion()
         here_deg = self._counted_deg()
         way_deg = self.way_deg(here_deg, target_deg)
-        self.permit(way_deg)
+        if self.permit is not None:
+            self._rests = self._rests or not self._stage.is_moving()
+            self.permit(way_deg if self._rests else [*self._until_rest_deg(here_deg), *way_deg])
         self._target_deg, self._way_deg = target_deg, way_deg
         self._legs.extend(way_deg[1:])
         self._start_leg(here_deg)
 
     def span_deg(self) -> tuple[float, float]:
         """Lowest and highest angle at which the axis is until it has arrived; a single one when it stands."""
-        angles_deg = [self._counted_deg(), *self._way_deg]
+        here_deg = self._counted_deg()
+        angles_deg = [here_deg, *self._way_deg, *([] if self._rests else self._until_rest_deg(here_deg))]
         return min(angles_deg), max(angles_deg)
 
     def way_deg(self, here_deg: float, target_deg: float) -> list[float]:
@@ -151,6 +156,7 @@ class Axis:
             self._start_leg(self._counted_deg())
             return True
         self._forget_motion()
+        self._rests = True
         return False
 
     def position_deg(self) -> float:
@@ -167,7 +173,7 @@ class Axis:
             When the link is gone and a fresh connection fails too: the axis may still be moving.
         """
         self._forget_motion()
-        self._came_from_below = False
+        self._came_from_below = self._rests = False
         stop_or_warn(self.name, self._stage.stop, self._stage.reconnect)
 
     def close(self) -> None:
@@ -176,6 +182,7 @@ class Axis:
 
     def _start_leg(self, here_deg: float) -> None:
         there_deg, stage = self._legs.popleft(), self._stage
+        self._rests = False
         way_deg = there_deg - here_deg
         self._came_from_below = way_deg > 0 or (way_deg == 0 and self._came_from_below)
         self._deadline = motion_deadline(self._clock, way_deg, stage.velocity_deg_s, stage.acceleration_deg_s2)
@@ -192,6 +199,11 @@ class Axis:
             self.stop()
             raise still_moving(self.name, self._target_deg)
 
+    def _until_rest_deg(self, here_deg: float) -> tuple[float, float]:
+        """Where the axis may come to rest, or turn back, when it is told something else at full speed."""
+        brake_deg = self._stage.velocity_deg_s**2 / (2 * self._stage.acceleration_deg_s2)
+        return here_deg - brake_deg, here_deg + brake_deg
+
     def _forget_motion(self) -> None:
         self._legs.clear()
         self._way_deg = []
@@ -199,10 +211,6 @@ class Axis:
 
     def _counted_deg(self) -> float:
         return self._stage.position_deg() - self.travel.zero_deg
-
-
-def _permit_all(way_deg: Sequence[float]) -> None:
-    """The rule of an axis that cannot touch anything."""
 
 
 def _nearest(angle_deg: float, to_deg: float) -> float:

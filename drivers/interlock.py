@@ -23,7 +23,7 @@ class Interlock:
 
     def __init__(self, zones: Sequence[Zone], axes: Mapping[str, Axis]) -> None:
         self._zones, self._axes = tuple(zones), dict(axes)
-        for role, axis in self._axes.items():
+        for role, axis in self._axes.items() if self._zones else ():
             axis.permit = partial(self._permit, role)
 
     def order(self, targets_deg: Mapping[str, float]) -> tuple[tuple[str, ...], ...]:
@@ -49,8 +49,6 @@ class Interlock:
         return order
 
     def _permit(self, role: str, way_deg: Sequence[float]) -> None:
-        if not self._zones:
-            return
         spans = {other: axis.span_deg() for other, axis in self._axes.items() if other != role}
         spans[role] = (min(way_deg), max(way_deg))
         if zone := entered(self._zones, spans):
