@@ -115,8 +115,8 @@ class World:
 
     def _reflected_w(self, moment: Moment) -> Stokes:
         """Power acceptance cos(exit) Stokes; nothing when lamp or detector is below the sample's horizon."""
-        incidence_deg = self.angle_deg["source_arm"](moment.middle_s)
-        exit_deg = self.angle_deg["detector_arm"](moment.middle_s)
+        incidence_deg = _within_a_turn(self.angle_deg["source_arm"](moment.middle_s))
+        exit_deg = _within_a_turn(self.angle_deg["detector_arm"](moment.middle_s))
         if abs(incidence_deg) >= 90 or abs(exit_deg) >= 90:
             return np.zeros(4)
         if incidence_deg < 0:
@@ -126,6 +126,11 @@ class World:
         stokes = self._stokes(math.radians(incidence_deg), float(exit_rad), float(azimuth_rad))
         reaching_w = self.scene.lamp.power_w * self.acceptance_sr * math.cos(math.radians(exit_deg))
         return reaching_w * stokes
+
+
+def _within_a_turn(angle_deg: float) -> float:
+    """The same direction from -180 to 180 degrees; a stage that is homed over its switch may count whole turns."""
+    return angle_deg if abs(angle_deg) <= 180 else math.remainder(angle_deg, 360)
 
 
 def _in_order(effects: Sequence[Effect]) -> list[Effect]:

@@ -165,3 +165,9 @@ def test_the_noise_of_a_measurement_depends_on_its_number_only(scene_with):
     world.measure_w(0.0, 0.3)
     second = world.measure_w(7.0, 0.003)
     assert second == readings(scene_with(effects=[READ]), 2, 0.003)[1]
+
+
+@pytest.mark.parametrize("turns", [-360, 360, 720])
+def test_whole_turns_of_an_arm_make_no_difference(scene_with, turns):
+    once = aimed(World(scene_with()), 60, 40, 1).power_w(100.0)
+    assert_allclose(aimed(World(scene_with()), 60, 40 + turns, 1).power_w(100.0), once, rtol=1e-9)
