@@ -26,7 +26,10 @@ _REST_S = 10.0
 
 @dataclass(frozen=True)
 class Bench:
-    """The devices of a goniometer, by their roles; `notes` are what they said on connecting."""
+    """The devices of a goniometer, by their roles; `notes` are what they said on connecting.
+
+    `polarizer` is the axis that turns a rotating analyzer, None for other analyzers; in a scan the analyzer moves it.
+    """
 
     source_arm: RotaryAxis
     detector_arm: RotaryAxis
@@ -35,6 +38,7 @@ class Bench:
     detector: Detector
     notes: tuple[str, ...] = ()
     interlock: Interlock | None = None
+    polarizer: RotaryAxis | None = None
 
     @property
     def axes(self) -> dict[str, RotaryAxis]:

@@ -11,7 +11,8 @@ from drivers.motion import Progress, motion_deadline, refuse_outside, stalled, s
 from drivers.stage import Stage
 from goniometer.errors import DeviceFaultError
 
-_HOMING_S = 180.0
+HOMING_S = 180.0
+"""How long a stage may search its home position."""
 
 
 @dataclass(frozen=True)
@@ -91,7 +92,7 @@ class Axis:
         """Begin to search the home position; `is_moving` tells when it is found."""
         self._forget_motion()
         self._came_from_below = self._rests = False
-        self._deadline = Deadline(self._clock, _HOMING_S)
+        self._deadline = Deadline(self._clock, HOMING_S)
         self._stage.start_homing()
 
     def start_move(self, target_deg: float) -> None:

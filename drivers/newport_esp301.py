@@ -79,9 +79,12 @@ class NewportEsp301:
         self._link.reopen()
         self._dialogue.begin()
 
-    def raise_errors(self, not_done: str) -> None:
-        """Empty the error queue and raise DeviceFaultError, in the name of the axis at fault, if it held anything."""
-        errors = self._pop_errors()
+    def raise_errors(self, not_done: str, *, aborted: int | None = None) -> None:
+        """Empty the error queue and raise DeviceFaultError, in the name of the axis at fault, if it held anything.
+
+        Of the axis `aborted`, whose search for home was stopped on purpose, that it was aborted is no error.
+        """
+        errors = [error for error in self._pop_errors() if not (error.is_homing_aborted and error.axis == aborted)]
         if errors:
             names = [self._names[error.axis] for error in errors if error.axis in self._names]
             raise DeviceFaultError(
@@ -125,6 +128,7 @@ class Esp301Stage:
         self._controller = controller
         self._number = number
         self._under_way = ""
+        self._is_stopped = False
 
     def connect(self) -> tuple[str, ...]:
         """Check the stage and its unit, set velocity and acceleration, switch the motor on; moves nothing.
@@ -168,13 +172,13 @@ class Esp301Stage:
 
     def start_homing(self) -> None:
         """Begin to search home in the controller's own way (OM)."""
-        self._under_way = f"the search of {self.name} for its home position"
+        self._under_way, self._is_stopped = f"the search of {self.name} for its home position", False
         self._send("OR")
         self._controller.raise_errors(self._under_way)
 
     def start_move(self, target_deg: float) -> None:
         """Begin to move to `target_deg`; raises DeviceFaultError when the controller refuses."""
-        self._under_way = f"the move of {self.name} to {target_deg:g} degrees"
+        self._under_way, self._is_stopped = f"the move of {self.name} to {target_deg:g} degrees", False
         self._send(f"PA{target_deg:.6f}")
         self._controller.raise_errors(self._under_way)
 
@@ -183,7 +187,9 @@ class Esp301Stage:
         if not self._query("MD?", switch):
             return True
         not_done, self._under_way = self._under_way, ""
-        self._controller.raise_errors(not_done or "what was to follow")
+        self._controller.raise_errors(
+            not_done or "what was to follow", aborted=self._number if self._is_stopped else None
+        )
         if not_done:
             # a controller that was reset says that motion is done, and starts to count at 0 where it stands
             self._require_power(not_done)
@@ -196,6 +202,7 @@ class Esp301Stage:
     def stop(self) -> None:
         """Stop with the set deceleration; safe at any time, also when an exchange was interrupted: it has no answer."""
         self._controller.stop(self._number)
+        self._is_stopped = True
 
     def reconnect(self) -> None:
         """Open the port of the controller, and so of all its axes, afresh."""

@@ -16,6 +16,7 @@ _GENERAL_ERRORS = {
     38: "command parameter missing",
     40: "last command cannot be repeated",
 }
+_HOMING_ABORTED = 20
 _AXIS_ERRORS = {
     0: "motor type not defined",
     1: "parameter out of range",
@@ -31,7 +32,7 @@ _AXIS_ERRORS = {
     11: "maximum acceleration exceeded",
     13: "motor not enabled",
     15: "maximum jerk exceeded",
-    20: "homing aborted",
+    _HOMING_ABORTED: "homing aborted",
     24: "speed out of range",
     30: "command not allowed during homing",
 }
@@ -45,6 +46,11 @@ class ControllerError:
     code: int
     axis: int | None
     text: str
+
+    @property
+    def is_homing_aborted(self) -> bool:
+        """Whether a search for home was ended before it had found it."""
+        return self.axis is not None and self.code % 100 == _HOMING_ABORTED
 
     def __str__(self) -> str:
         return f"error {self.code}, {self.text}" + ("" if self.axis is None else f" (axis {self.axis})")

@@ -13,7 +13,7 @@ from goniometer.rig_file import Rig
 
 
 @contextmanager
-def connected(rig: Rig, ports: Mapping[str, str], clock: Clock, wavelength_nm: float) -> Iterator[Bench]:
+def connected(rig: Rig, ports: Mapping[str, str], clock: Clock, wavelength_nm: float | None) -> Iterator[Bench]:
     """Connect every device of a rig, and close them all afterwards; nothing moves.
 
     Parameters
@@ -24,8 +24,8 @@ def connected(rig: Rig, ports: Mapping[str, str], clock: Clock, wavelength_nm: f
         The port of each device, by the device's name.
     clock : Clock
         The bench's clock.
-    wavelength_nm : float
-        Told to detectors whose response depends on it.
+    wavelength_nm : float or None
+        Told to detectors whose response depends on it; None leaves them the one that they have.
 
     Raises
     ------
@@ -47,4 +47,5 @@ def connected(rig: Rig, ports: Mapping[str, str], clock: Clock, wavelength_nm: f
             detector,
             tuple(bench.notes),
             Interlock(rig.zones, axes),
+            axes.get("polarizer"),
         )

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
 from drivers.clock import Clock, WallClock
+from goniometer.bench_commands.port_lock import held_ports
 from goniometer.errors import ConfigurationError
 from goniometer.load_files import Setup, load_scene
 from goniometer.rig_file import Rig
@@ -64,24 +65,22 @@ def access(setup: Setup, speed: Speed | None) -> Iterator[BenchAccess]:
     ConfigurationError
         When a speed is asked of a bench that this process does not simulate.
     NotConnectedError
-        When a bench served elsewhere does not answer.
+        When a bench served elsewhere does not answer, or another process holds a port.
     """
     rig = setup.rig
     ports = {name: device.port for name, device in rig.devices.items() if device.port}
     if rig.bench is not None:
         _refuse_speed(speed, setup, "the bench is served by another process: give --speed to goniometer simulate")
-        clock = RemoteClock(rig.bench)
-        try:
+        with held_ports(ports.values()), closing(RemoteClock(rig.bench)) as clock:
             yield BenchAccess(clock, ports, clock.scene_text)
-        finally:
-            clock.close()
     elif rig.is_simulated:
         assert setup.scene is not None, "a simulated rig is only accepted with a scene"
         with simulate(setup.scene, 1.0 if speed is None else speed) as bench:
             yield BenchAccess(bench.clock, served_ports(rig, bench), setup.scene_text)
     else:
         _refuse_speed(speed, setup, "real devices keep their own time")
-        yield BenchAccess(WallClock(), ports, "")
+        with held_ports(ports.values()):
+            yield BenchAccess(WallClock(), ports, "")
 
 
 def served_ports(rig: Rig, bench: SimulatedBench) -> dict[str, str]:

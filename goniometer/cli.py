@@ -10,12 +10,15 @@ from __future__ import annotations
 import json
 import sys
 from pathlib import Path
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import click
 
 from goniometer import __version__
 from goniometer.errors import ConfigurationError, GoniometerError, ScanInterrupted
+
+if TYPE_CHECKING:
+    from goniometer.rig_devices.entry import Role
 
 Speed = float | Literal["max"]
 
@@ -234,6 +237,107 @@ def budget(
     click.echo(json.dumps(report.data, indent=2) if as_json else report.text)
 
 
+_RIG = click.option("--rig", type=_FILE, required=True, help="The rig file of the bench.")
+_AXIS = click.Choice(["source_arm", "detector_arm", "sample_azimuth", "polarizer"])
+
+
+@cli.command()
+@click.option("--port", "ports", multiple=True, metavar="PORT", help="Ask here only: COM3, /dev/ttyUSB0, socket://…")
+@click.option("--rig", type=_FILE, help="Check what a rig file expects, at its ports.")
+@click.option("--json", "as_json", is_flag=True, help="Print everything as JSON.")
+def devices(ports: tuple[str, ...], rig: Path | None, as_json: bool) -> None:
+    """List serial ports and which known devices answer there. Moves nothing and changes no setting."""
+    from goniometer.bench_commands.devices import devices as find_devices
+    from goniometer.plain_json import plain
+
+    found = find_devices(ports, rig, _note)
+    click.echo(json.dumps(plain(found), indent=2) if as_json else found)
+    if not found.all_there:
+        raise GoniometerError("Not every device of the rig file is there: see above.")
+
+
+@cli.command()
+@_RIG
+@click.option(
+    "--axis", "roles", type=_AXIS, multiple=True, help="An axis to home; all, one by one, when none is given."
+)
+@click.option("--way-is-clear", is_flag=True, help="You have looked: the axis can touch nothing, wherever it goes.")
+def home(rig: Path, roles: tuple[Role, ...], way_is_clear: bool) -> None:
+    """Search each stage's zero, one axis after the other. Moves axes on ways that nobody knows beforehand."""
+    from goniometer.bench_commands.home import home as home_axes
+
+    home_axes(rig, roles, click.echo, _note, way_is_clear=way_is_clear)
+
+
+@cli.command(context_settings={"ignore_unknown_options": True})  # an angle below zero is no option
+@_RIG
+@click.argument("axis", type=_AXIS)
+@click.argument("deg", type=float)
+def move(rig: Path, axis: Role, deg: float) -> None:
+    """Move one axis to an angle in degrees, and say where it came to stand."""
+    from goniometer.bench_commands.move import move as move_axis
+
+    move_axis(rig, axis, deg, click.echo, _note)
+
+
+@cli.command()
+@_RIG
+@click.option(
+    "--exposure", "exposure_s", type=click.FloatRange(0, min_open=True), help="Of one reading, in s; else 0.1."
+)
+@click.option("--slot", type=int, help="Bring this slot of the analyzer into the beam first.")
+@click.option("--count", type=click.IntRange(1, 100_000), default=5, show_default=True, help="How many readings.")
+@click.option("--json", "as_json", is_flag=True, help="Print everything as JSON.")
+def read(rig: Path, exposure_s: float | None, slot: int | None, count: int, as_json: bool) -> None:
+    """Read where every axis stands, the analyzer's slot, and the power at the detector. Moves no axis."""
+    from goniometer.bench_commands.measuring import USUAL_EXPOSURE_S
+    from goniometer.bench_commands.read import read as read_bench
+    from goniometer.plain_json import plain
+
+    reading = read_bench(rig, exposure_s or USUAL_EXPOSURE_S, slot, count, _note)
+    click.echo(json.dumps(plain(reading), indent=2) if as_json else reading)
+
+
+@cli.command()
+@_RIG
+@click.option("--axis", type=click.Choice(["source_arm", "detector_arm"]), required=True, help="The arm to scan.")
+@click.option("--from", "from_deg", type=float, required=True, help="Where the scan begins, in degrees.")
+@click.option("--to", "to_deg", type=float, required=True, help="Where it ends.")
+@click.option("--step", "step_deg", type=click.FloatRange(0, min_open=True), help="Between points; else 40 steps.")
+@click.option("--store", is_flag=True, help="Write the zero that was found into the rig file.")
+@click.option("--json", "as_json", is_flag=True, help="Print everything as JSON.")
+def align(
+    rig: Path,
+    axis: Literal["source_arm", "detector_arm"],
+    from_deg: float,
+    to_deg: float,
+    step_deg: float | None,
+    store: bool,
+    as_json: bool,
+) -> None:
+    """Find an arm's true zero from the reflection of a mirror in the sample's place. Scans the arm."""
+    from goniometer.bench_commands.align import advice
+    from goniometer.bench_commands.align import align as align_arm
+    from goniometer.plain_json import plain
+
+    found = align_arm(rig, axis, from_deg, to_deg, step_deg, _note, store=store)
+    click.echo(json.dumps(plain(found), indent=2) if as_json else f"{found}\n{advice(found, rig)}")
+
+
+@cli.command()
+@_RIG
+def stop(rig: Path) -> None:
+    """Stop everything at once, also a scan that another process runs on the same ports."""
+    from goniometer.bench_commands.stop import stop as stop_bench
+
+    if not stop_bench(rig, click.echo):
+        raise GoniometerError("Not everything was stopped: see above. Cut the power of what still moves.")
+
+
+def _note(line: str) -> None:
+    click.echo(line, err=True)
+
+
 @cli.command()
 @click.argument("kind", type=click.Choice(["recipe", "rig", "scene"]))
 def schema(kind: Literal["recipe", "rig", "scene"]) -> None:
@@ -254,7 +358,7 @@ def main() -> None:
         click.echo("Ended by Ctrl-C.", err=True)
         code = 130
     except ScanInterrupted as error:
-        _explain(error, f"The scan was ended by {error.reason}. The bench has been stopped.")
+        _explain(error, f"Ended by {error.reason}. The bench has been stopped.")
         code = error.exit_code
     except ConfigurationError as error:
         _explain(error, str(error))

@@ -36,8 +36,8 @@ class Connecting:
         The port of each device, by the device's name.
     clock : Clock
         The bench's clock.
-    wavelength_nm : float
-        Told to detectors whose response depends on it.
+    wavelength_nm : float or None
+        Told to detectors whose response depends on it; None leaves them the one that they have.
     open_devices : ExitStack
         Closes every device when the bench is left.
     wire_log : WireLog, optional
@@ -46,7 +46,7 @@ class Connecting:
 
     ports: Mapping[str, str]
     clock: Clock
-    wavelength_nm: float
+    wavelength_nm: float | None
     open_devices: ExitStack
     wire_log: WireLog | None = None
     axes: dict[str, Axis] = field(default_factory=dict)

@@ -25,5 +25,6 @@ class ThorlabsPm100Entry(DetectorEntry):
         """Connect the meter and tell it the wavelength."""
         meter = ThorlabsPm100(bench.link(name), bench.clock, name=name, sample_s=self.sample_s)
         bench.note(name, bench.opened(meter).connect())
-        meter.set_wavelength_nm(bench.wavelength_nm)
+        if bench.wavelength_nm is not None:
+            meter.set_wavelength_nm(bench.wavelength_nm)
         bench.detectors[name] = meter

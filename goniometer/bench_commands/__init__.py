@@ -1,0 +1,1 @@
+"""Commands for the bench itself: which devices answer, homing, moving, reading, aligning, stopping."""

@@ -1,0 +1,85 @@
+"""`goniometer read`: where everything stands, and the power at the detector."""
+
+from __future__ import annotations
+
+import statistics
+from dataclasses import dataclass
+from pathlib import Path
+
+from goniometer.bench_commands.measuring import select, take_reading_w, whole_samples_s
+from goniometer.bench_commands.open_bench import Tell, open_bench
+from goniometer.plus_minus import plus_minus
+from goniometer.rig_devices.entry import Slot
+
+
+@dataclass(frozen=True)
+class BenchReading:
+    """What a bench shows.
+
+    Attributes
+    ----------
+    positions_deg : dict of str to float
+        Where each axis says it is, by role.
+    not_homed : tuple of str
+        The axes whose position means nothing, because they do not know their zero.
+    slot, holds : int, float or str
+        The slot in the beam, and what the rig file says is in it: a polarizer's angle in degrees, open, or blocked.
+    exposure_s : float
+        Of one reading.
+    readings_w : tuple of float
+        The readings, in order, in W.
+    power_w, stddev_w : float
+        Their mean and the standard deviation of one of them, in W; None for a single reading.
+    """
+
+    positions_deg: dict[str, float]
+    not_homed: tuple[str, ...]
+    slot: int
+    holds: Slot
+    exposure_s: float
+    readings_w: tuple[float, ...]
+    power_w: float
+    stddev_w: float | None
+
+    def __str__(self) -> str:
+        lines = [
+            f"{role:<15}{position_deg:z10.4f}°{'  not homed: this position means nothing' * (role in self.not_homed)}"
+            for role, position_deg in self.positions_deg.items()
+        ]
+        holds = self.holds if isinstance(self.holds, str) else f"polarizer at {self.holds:g}°"
+        lines.append(f"{'slot':<15}{self.slot:10d}   {holds}")
+        number = len(self.readings_w)
+        about = f"one reading of {self.exposure_s:g} s"
+        if self.stddev_w is not None:
+            about = f"mean of {number} readings of {self.exposure_s:g} s ± standard deviation of one"
+        lines.append(f"{'power':<15}{plus_minus(self.power_w, self.stddev_w)} W   {about}")
+        return "\n".join(lines)
+
+
+def read(rig_path: Path, exposure_s: float, slot: int | None, count: int, note: Tell) -> BenchReading:
+    """Read positions, slot and power; nothing moves but the analyzer, and only to a `slot` that was asked for.
+
+    Raises
+    ------
+    ConfigurationError
+        When the exposure is too long for the detector.
+    DeviceError
+        When a device fails, or the detector is saturated.
+    """
+    with open_bench(rig_path, note) as opened:
+        exposure_s = whole_samples_s(opened.rig.detector, exposure_s)
+        if slot is not None:
+            select(opened, slot)
+        axes = {role: opened.axis(role) for role in opened.roles}
+        in_beam = opened.bench.analyzer.slot()
+        readings_w = tuple(take_reading_w(opened, exposure_s) for _ in range(count))
+        return BenchReading(
+            positions_deg={role: axis.position_deg() for role, axis in axes.items()},
+            not_homed=tuple(role for role, axis in axes.items() if not axis.is_homed()),
+            slot=in_beam,
+            holds=opened.rig.analyzer.contents()[in_beam],
+            exposure_s=exposure_s,
+            readings_w=readings_w,
+            power_w=statistics.fmean(readings_w),
+            stddev_w=statistics.stdev(readings_w) if count > 1 else None,
+        )
