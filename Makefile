@@ -8,19 +8,19 @@ PYTHON ?= python3
 BIN := .venv/bin
 endif
 
-.PHONY: demo test long interop bench bench-model bench-fit lint format clean
+.PHONY: demo test long interop bench bench-model bench-devices bench-fit lint format clean
 
 demo: .venv/installed
 	$(BIN)/goniometer run recipes/iron_60deg.yaml --speed 20
 
-test: .venv/installed .venv-interop/installed
-	$(BIN)/python -m pytest -m "not long"
+test: .venv/installed
+	$(BIN)/python -m pytest
 
 long: .venv/installed
 	$(BIN)/python -m pytest -m long
 
 interop: .venv/installed .venv-interop/installed
-	$(BIN)/python -m pytest -m interop
+	$(BIN)/python -m pytest -m interop -rs tests/interop
 
 bench: .venv/installed .venv-bench/installed
 	$(BIN)/python benchmarks/scan.py
@@ -28,6 +28,9 @@ bench: .venv/installed .venv-bench/installed
 
 bench-model: .venv/installed .venv-bench/installed
 	$(BIN)/python benchmarks/model_cost.py --plot docs/model_cost.png
+
+bench-devices: .venv/installed .venv-bench/installed
+	$(BIN)/python benchmarks/round_trips.py
 
 bench-fit: .venv/installed .venv-bench/installed
 	$(subst .venv,.venv-bench,$(BIN))/python benchmarks/live_fit.py

@@ -5,23 +5,20 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
-from functools import partial
 
 from acquisition.events import Event, ReadingStored, StepStarted
 from acquisition.expand import Step
 from acquisition.journal import Journal
 from acquisition.protocols import Analyzer, Detector, RotaryAxis
 from acquisition.readings import Reading
+from acquisition.stopping import stop_all
 from acquisition.timing import POLL_S, READING_POLL_S
-from drivers.clock import Clock, Deadline
+from drivers.clock import Clock
 from drivers.interlock import Interlock
-from goniometer.errors import PositionError, ReplyTimeoutError
+from goniometer.errors import PositionError
 
 _SLICE_S = 0.1
 """Longest time between two checks for an interruption."""
-
-_REST_S = 10.0
-"""Longest time an axis may take to come to rest after it was told to stop."""
 
 
 @dataclass(frozen=True)
@@ -55,30 +52,7 @@ class Bench:
 
     def stop(self, clock: Clock) -> list[BaseException]:
         """Stop everything that can move and see it come to rest, whatever fails on the way; returns what failed."""
-        axes = self.axes.values()
-        devices: list[RotaryAxis | Analyzer] = [*axes, self.analyzer]
-        attempts: list[Callable[[], None]] = [device.stop for device in devices]
-        attempts += [partial(_see_at_rest, axis, clock) for axis in axes]
-        failures: list[BaseException] = []
-        for attempt in attempts:
-            try:
-                attempt()
-            except BaseException as error:  # noqa: BLE001 (kept; whatever it is, the next device must be stopped too)
-                failures.append(error)
-        return failures
-
-
-def _see_at_rest(axis: RotaryAxis, clock: Clock) -> None:
-    deadline = Deadline(clock, _REST_S)
-    while axis.is_moving():
-        if deadline.has_passed():
-            raise ReplyTimeoutError(
-                axis.name,
-                f"still moves {_REST_S:g} s after it was told to stop",
-                not_done="the axis may be anywhere",
-                to_do="cut its power now",
-            )
-        clock.sleep(POLL_S)
+        return stop_all(list(self.axes.values()), self.analyzer, clock)
 
 
 @contextmanager
@@ -132,6 +106,7 @@ class Engine:
     ) -> None:
         self._bench, self._clock, self._journal = bench, clock, journal
         self._publish, self._check, self._time_left_s = publish, check, duration_s
+        self._left_deg: dict[str, float] = {}
         self.readings_taken = 0
 
     def run(self, steps: Sequence[Step]) -> None:
@@ -159,19 +134,21 @@ class Engine:
             )
             self._move(step)
             positions_deg = self._read_back(step)
+            self._check_slot(step)
             for repeat in range(step.readings):
-                self._check_slot(step)
                 self._take_reading(step, repeat, positions_deg)
             self._time_left_s -= step.duration_s
+        self._require_still_there()
 
     def _move(self, step: Step) -> None:
         """Start every motion that the step needs, then wait until all have ended and settled."""
         self._check()
         axes, analyzer = self._bench.axes, self._bench.analyzer
+        here_deg = self._require_still_there()
         targets_deg = {
             role: angle_deg
             for role, angle_deg in step.target.axes_deg.items()
-            if abs(axes[role].position_deg() - angle_deg) > axes[role].tolerance_deg
+            if abs(here_deg[role] - angle_deg) > axes[role].tolerance_deg
         }
         turns = analyzer.slot() != step.target.slot
         settles_s = [axes[role].settle_s for role in targets_deg] + [analyzer.settle_s] * turns
@@ -197,6 +174,24 @@ class Engine:
             moving = [device for device in moving if device.is_moving()]
         return moving
 
+    def _require_still_there(self) -> dict[str, float]:
+        """Where the axes are; raises PositionError when one is not where it was left.
+
+        A controller that was reset counts from where it stands: a move from there would lead anywhere.
+        """
+        positions_deg = {role: axis.position_deg() for role, axis in self._bench.axes.items()}
+        for role, left_deg in self._left_deg.items():
+            axis = self._bench.axes[role]
+            if abs(positions_deg[role] - left_deg) > axis.tolerance_deg:
+                raise PositionError(
+                    axis.name,
+                    f"stands at {positions_deg[role]:g} degrees although it was left at {left_deg:g} degrees: it was "
+                    "moved by hand, or its controller was reset and counts from another zero",
+                    not_done="nothing was moved; the last readings in the journal may have been taken elsewhere",
+                    to_do="look where it truly stands, home it, then run the recipe again",
+                )
+        return positions_deg
+
     def _read_back(self, step: Step) -> list[float]:
         positions_deg = []
         for role, target_deg in step.target.axes_deg.items():
@@ -211,16 +206,17 @@ class Engine:
                     to_do="check that nothing touches the stage, home it, then run the recipe again",
                 )
             positions_deg.append(position_deg)
+        self._left_deg = step.target.axes_deg
         return positions_deg
 
     def _check_slot(self, step: Step) -> None:
-        """Ask before every reading: a wheel can be turned by hand."""
+        """Ask before and after every reading: a wheel can be turned by hand."""
         slot = self._bench.analyzer.slot()
         if slot != step.target.slot:
             raise PositionError(
                 self._bench.analyzer.name,
                 f"slot {slot} is in the beam instead of slot {step.target.slot}",
-                not_done="the readings there",
+                not_done="no reading was stored that this may have spoilt",
                 to_do="check that nobody turned the wheel by hand, then run the recipe again",
             )
 
@@ -231,6 +227,8 @@ class Engine:
         self._wait(READING_POLL_S)
         while detector.is_reading():
             self._wait(READING_POLL_S)
+        power_w = detector.power_w()
+        self._check_slot(step)
         incidence_deg, exit_deg, azimuth_deg = positions_deg
         reading = Reading(
             point=step.point,
@@ -243,7 +241,7 @@ class Engine:
             slot=step.target.slot,
             analyzer_deg=step.analyzer_deg,
             exposure_s=step.exposure_s,
-            power_w=detector.power_w(),
+            power_w=power_w,
         )
         self._journal.append(reading)
         self.readings_taken += 1

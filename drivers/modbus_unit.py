@@ -25,7 +25,14 @@ from drivers.modbus_port import ModbusPort
 from drivers.reply_text import unusable
 from goniometer.errors import DeviceFaultError, ReplyTimeoutError
 
-_REFUSALS = {1: "illegal function", 2: "illegal address", 3: "illegal value", 4: "device failure"}
+_REFUSALS = {
+    1: "illegal function",
+    2: "illegal address",
+    3: "illegal value",
+    4: "device failure",
+    5: "accepted, but not done yet",
+    6: "busy",
+}
 _COIL_ON = 0xFF00
 
 

@@ -6,7 +6,8 @@ import re
 
 from goniometer.errors import ReplyError
 
-_NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", re.ASCII)
+_MOST_SHOWN = 80
+_NUMBER = re.compile(r"[+-]?(\d+(\.\d*)?|\.\d+)([eE][+-]?\d+)?", re.ASCII)
 
 
 def number(device: str, question: str, answer: str) -> float:
@@ -31,7 +32,9 @@ def switch(device: str, question: str, answer: str) -> bool:
 
 
 def unusable(device: str, question: str, answer: str, expected: str) -> ReplyError:
-    """Describe an answer that cannot be the answer to `question`."""
+    """Describe an answer that cannot be the answer to `question`; of a long one, how it begins."""
+    if len(answer) > _MOST_SHOWN:
+        answer = f"{answer[:_MOST_SHOWN]}…"
     return ReplyError(
         device,
         f"the answer to {question!r} is {answer!r}, which is not {expected}",

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import TypeVar
 
 from drivers.clock import Clock, Deadline
 from drivers.link import Link
 from drivers.reply_text import unusable, whole_number
-from goniometer.errors import DeviceFaultError, LimitError, PositionError, ReplyTimeoutError
+from goniometer.errors import DeviceFaultError, LimitError, PositionError, ReplyError, ReplyTimeoutError
 
 T = TypeVar("T")
 
@@ -113,7 +114,8 @@ class ThorlabsFw102c:
                 raise self._not_arrived(f"slot {self._target} was not reached")
             return True
         target, self._target = self._target, None
-        self._accept(frame, f"pos={target}", _nothing)
+        with suppress(ReplyError):  # garbage behind the motion; the next question finds out where it has led
+            self._accept(frame, f"pos={target}", _nothing)
         reached = self.slot()
         if reached != target:
             raise PositionError(
@@ -126,7 +128,7 @@ class ThorlabsFw102c:
 
     def slot(self) -> int:
         """Which slot the wheel says is in the beam; after a motion that was not waited for, waits for its end."""
-        return self._query("pos?", whole_number)
+        return self._link.until_answered(lambda: self._query("pos?", whole_number))
 
     def stop(self) -> None:
         """Do nothing: the wheel has no command to stop and ends its motion by itself within seconds.

@@ -2,32 +2,26 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable
 from typing import TypeVar
 
+from drivers import thorlabs_pm100_errors as errors
 from drivers.clock import Clock, Deadline
 from drivers.line_dialogue import LineDialogue
 from drivers.link import Link
 from drivers.reply_text import number, unusable, whole_number
+from drivers.thorlabs_pm100_errors import parse_error
 from goniometer.errors import DeviceFaultError, LimitError, ReplyError, ReplyTimeoutError
 
 T = TypeVar("T")
 
 _OVER_RANGE = 9.9e37
-_READING = "MEAS:POW?"
+_READING, _AGAIN = "MEAS:POW?", "FETC?"
 _WATTS = "SENS:POW:UNIT W"
 _MOST_ERRORS = 32
 _MOST_SAMPLES = 3000
-_ERROR = re.compile(r"([+-]?\d+)\s*,\s*\"?([^\"]*)\"?", re.ASCII)
-
-
-def parse_error(device: str, line: str) -> tuple[int, str]:
-    """Read an answer to ``SYST:ERR?`` such as ``-113,"Undefined header"``: code (0 for none) and text."""
-    report = _ERROR.fullmatch(line)
-    if report is None:
-        raise unusable(device, "SYST:ERR?", line, "an error code and its text")
-    return int(report[1]), report[2]
+_FACTORY_AVERAGE = 1
+_MOST_ATTEMPTS = 3
 
 
 class ThorlabsPm100:
@@ -64,6 +58,7 @@ class ThorlabsPm100:
             end_cut_command=lambda: self._dialogue.tell(_WATTS),
         )
         self._averaged: int | None = None
+        self._attempts = 0
         self._deadline = Deadline(clock, 0.0)
         self._reading_w: float | None = None
         self._wavelength_nm: float | None = None
@@ -98,7 +93,7 @@ class ThorlabsPm100:
         ------
         LimitError
             When the sensor is not calibrated there; the wavelength is not sent.
-        ReplyError
+        DeviceFaultError
             When the meter holds another wavelength afterwards.
         """
         low_nm, high_nm = self._query("SENS:CORR:WAV? MIN", number), self._query("SENS:CORR:WAV? MAX", number)
@@ -110,9 +105,7 @@ class ThorlabsPm100:
                 to_do="change wavelength_nm in the recipe, or use another sensor",
             )
         self._dialogue.tell(f"SENS:CORR:WAV {wavelength_nm:g}")
-        held_nm = self._query("SENS:CORR:WAV?", number)
-        if abs(held_nm - wavelength_nm) > 0.5:  # some meters hold whole nanometres
-            raise unusable(self.name, "SENS:CORR:WAV?", f"{held_nm:g}", f"the {wavelength_nm:g} nm just set")
+        self._require_wavelength(wavelength_nm)
         self._wavelength_nm = wavelength_nm
 
     def start_reading(self, exposure_s: float) -> None:
@@ -133,39 +126,40 @@ class ThorlabsPm100:
             )
         count = max(1, round(exposure_s / self.sample_s))
         if count != self._averaged:
-            self._averaged = None
             self._dialogue.tell(f"SENS:AVER {count}")
-            held = self._query("SENS:AVER?", whole_number)
-            if held != count:
-                raise unusable(self.name, "SENS:AVER?", str(held), f"the averaging count {count} just set")
             self._averaged = count
         self.actual_exposure_s = count * self.sample_s
-        self._reading_w = None
-        self._dialogue.ask(_READING)
-        self._deadline = Deadline(self._clock, 2 * self.actual_exposure_s + 2.0)
+        self._attempts = 0
+        self._begin_reading()
 
     def is_reading(self) -> bool:
-        """Whether the reading is still to come.
+        """Whether the reading is still to come; one whose answer was lost, or is in doubt, is taken again, twice.
 
         Raises
         ------
         ReplyTimeoutError
-            When it has not come after twice the exposure and 2 s.
+            When it has not come after twice the exposure and 2 s, for the third time.
         ReplyError
-            When what has come is not a number.
+            When what has come is not a number, or not what the meter tells when it is asked again.
+        DeviceFaultError
+            When the meter has lost its settings.
         """
-        if self._reading_w is None:
-            self._reading_w = self._dialogue.poll(lambda answer: number(self.name, _READING, answer))
         if self._reading_w is not None:
             return False
-        if self._deadline.has_passed():
-            raise ReplyTimeoutError(
-                self.name,
-                f"no reading on port {self._link.port} 2 s after twice its exposure of {self.actual_exposure_s:g} s",
-                not_done="the reading was given up",
-                to_do="check that the meter is on, that its cable sits, and that sample_s in the rig file is right",
-            )
-        return True
+        try:
+            reading_w = self._dialogue.poll(lambda answer: number(self.name, _READING, answer))
+            if reading_w is None:
+                if self._deadline.has_passed():
+                    raise errors.overdue(self.name, self._link.port, self.actual_exposure_s)
+                return True
+            self._confirm(reading_w)
+        except (ReplyTimeoutError, ReplyError):
+            if self._attempts == _MOST_ATTEMPTS:
+                raise
+            self._begin_reading()
+            return True
+        self._reading_w = reading_w
+        return False
 
     def power_w(self) -> float:
         """The finished reading in watts.
@@ -185,12 +179,7 @@ class ThorlabsPm100:
                 to_do="begin a reading, and ask for its power when it has ended",
             )
         if abs(self._reading_w) >= _OVER_RANGE:
-            raise DeviceFaultError(
-                self.name,
-                f"the detector was saturated (the meter answered {self._reading_w:g})",
-                not_done="the reading was thrown away",
-                to_do="weaken the beam, or use a sensor for more power",
-            )
+            raise errors.saturated(self.name, self._reading_w)
         return self._reading_w
 
     def reconnect(self) -> tuple[str, ...]:
@@ -207,10 +196,10 @@ class ThorlabsPm100:
             When the port cannot be opened.
         """
         self._link.reopen()
-        errors = self.connect()
+        left_over = self.connect()
         if self._wavelength_nm is not None:
             self.set_wavelength_nm(self._wavelength_nm)
-        return errors
+        return left_over
 
     def close(self) -> None:
         """Close the port."""
@@ -219,13 +208,38 @@ class ThorlabsPm100:
     def _forget(self) -> None:
         self._averaged = self._reading_w = None
 
+    def _begin_reading(self) -> None:
+        self._attempts += 1
+        self._reading_w = None
+        self._link.until_answered(lambda: self._dialogue.ask(_READING))
+        self._deadline = Deadline(self._clock, 2 * self.actual_exposure_s + 2.0)
+
+    def _confirm(self, reading_w: float) -> None:
+        """Ask again for the same reading: nothing else shows a wrong digit, or an answer to another question.
+
+        The question behind it has another kind of answer, so that one answer too many does not stay unnoticed.
+        """
+        again_w = self._query(_AGAIN, number)
+        held = self._query("SENS:AVER?", whole_number)
+        if held != self._averaged:
+            raise errors.settings_lost(self.name, "SENS:AVER?", held, f"the averaging count {self._averaged}")
+        if self._averaged == _FACTORY_AVERAGE and self._wavelength_nm is not None:
+            self._require_wavelength(self._wavelength_nm)
+        if again_w != reading_w:
+            raise unusable(self.name, _READING, f"{reading_w:g}", f"the {again_w:g} of {_AGAIN} behind it")
+
+    def _require_wavelength(self, wavelength_nm: float) -> None:
+        held_nm = self._query("SENS:CORR:WAV?", number)
+        if abs(held_nm - wavelength_nm) > 0.5:  # some meters hold whole nanometres
+            raise errors.settings_lost(self.name, "SENS:CORR:WAV?", held_nm, f"the {wavelength_nm:g} nm")
+
     def _pop_errors(self) -> list[str]:
-        errors: list[str] = []
+        found: list[str] = []
         while (error := self._dialogue.query("SYST:ERR?", lambda line: parse_error(self.name, line)))[0] != 0:
-            errors.append(f"{error[0]} {error[1]}")
-            if len(errors) > _MOST_ERRORS:
-                raise unusable(self.name, "SYST:ERR?", errors[-1], f"the end of a queue of {_MOST_ERRORS} errors")
-        return errors
+            found.append(f"{error[0]} {error[1]}")
+            if len(found) > _MOST_ERRORS:
+                raise unusable(self.name, "SYST:ERR?", found[-1], f"the end of a queue of {_MOST_ERRORS} errors")
+        return found
 
     def _query(self, question: str, read: Callable[[str, str, str], T]) -> T:
-        return self._dialogue.query(question, lambda answer: read(self.name, question, answer))
+        return self._dialogue.query(question, lambda answer: read(self.name, question, answer), safe_to_repeat=True)

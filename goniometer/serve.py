@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import sys
 from pathlib import Path
 from typing import TextIO
@@ -28,7 +29,9 @@ def serve(scene_path: Path, speed: Speed, out: TextIO) -> None:
         document["bench"] = control.address
         for name, port in served_ports(loaded.rig, bench).items():
             document["devices"][name]["port"] = port
-        out.write(f"# {loaded.scene.scene}, served at speed {speed}\n{_terminals(bench)}")
+        out.write(
+            f"# {loaded.scene.scene}, served at speed {speed}\n{_terminals(bench)}{_how_to_fail(control.address)}"
+        )
         out.write(yaml.safe_dump(document, sort_keys=False))
         out.flush()
         print("Serving until Ctrl-C.", file=sys.stderr)
@@ -45,3 +48,10 @@ def serve(scene_path: Path, speed: Speed, out: TextIO) -> None:
 def _terminals(bench: Bench) -> str:
     """Comment lines that name the pseudo-terminals which serve the same devices, where the system has them."""
     return "".join(f"# {name} also listens on {at.pty}\n" for name, at in bench.addresses.items() if at.pty)
+
+
+def _how_to_fail(control_address: str) -> str:
+    """A comment line with a command that lets something go wrong."""
+    request = {"request": "fault", "fault": {"fault": "lamp_off", "for_s": 5}}
+    port = control_address.rpartition(":")[2]
+    return f"# let something go wrong: echo '{json.dumps(request)}' | nc -q 1 127.0.0.1 {port}\n"

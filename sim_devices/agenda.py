@@ -44,6 +44,12 @@ class Agenda(Generic[T]):
         """When a device may next say something on its own; None when none will."""
         return self._unasked[0].due_s if self._unasked else None
 
+    def drop(self, client: T) -> None:
+        """Forget all bytes that were to be said to a client."""
+        for queue in (self._replies, self._unasked):
+            queue[:] = [entry for entry in queue if entry.client is not client or not isinstance(entry.said, bytes)]
+            heapq.heapify(queue)
+
     def pop(self, now_s: float) -> Entry[T] | None:
         """Take the first entry that is due by now; None when none is."""
         due = [queue for queue in (self._replies, self._unasked) if queue and queue[0].due_s <= now_s]

@@ -96,6 +96,11 @@ class Axis:
         )
         self._begin(profile)
 
+    def hold_up(self, now_s: float, duration_s: float) -> None:
+        """Stand still for a while with the drive on, and then forget every motion that was to follow."""
+        here_deg = self.motor_deg(now_s)
+        self._begin(Profile(now_s, here_deg, 0.0, ((duration_s, 0.0),), here_deg))
+
     def _begin(self, profile: Profile) -> None:
         for look in self.before_motion:
             look(profile.start_s)

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Sequence
 from dataclasses import dataclass
 from types import TracebackType
 
 from goniometer.errors import DeviceFaultError
 from sim_devices.clock import BenchClock
 from sim_devices.device import Device
+from sim_devices.faults.switchboard import Switchboard
+from sim_devices.modbus_tcp import ModbusTcp
 from sim_devices.reactor import Reactor
 from sim_devices.scene import Scene
 from sim_devices.shared_line import SharedLine
@@ -39,6 +42,8 @@ class Bench:
         What the devices act on.
     addresses : dict of str to Address
         Where each device is reached, by its name in the scene; empty before the start.
+    faults : Switchboard
+        Where what goes wrong is switched on; those of the scene are from the start.
     """
 
     def __init__(self, scene: Scene, clock: BenchClock) -> None:
@@ -46,15 +51,20 @@ class Bench:
         self.world = World(scene)
         self.addresses: dict[str, Address] = {}
         self._reactor = Reactor(clock)
+        self._ports: dict[str, Device] = {}
+        self.faults = Switchboard(self.world, self._ports, self._reactor, clock)
 
     def start(self) -> None:
         """Open the ports and begin to serve them; once only."""
         for names in self._lines():
             members = [self.world.devices[name] for name in names]
-            device = members[0] if len(members) == 1 else SharedLine(members)
+            device = members[0] if len(members) == 1 else _on_one_line(members)
             scheme = self.world.scene.devices[names[0]].scheme
             address = Address(self.listen(device, scheme), self._pty(device) if scheme == "socket" else None)
             self.addresses |= dict.fromkeys(names, address)
+            self._ports |= dict.fromkeys(names, device)
+        for fault in self.world.scene.faults:
+            self.faults.switch_on(fault)
         self.clock.attach(self)
         self._reactor.start()
 
@@ -114,3 +124,9 @@ class Bench:
         except OSError:
             # a system that has run out of them, or was set up without; the address says so
             return None
+
+
+def _on_one_line(members: Sequence[Device]) -> Device:
+    """What answers where several devices share a port: their line, or the one gateway to all of them."""
+    gateways = [member for member in members if isinstance(member, ModbusTcp)]
+    return ModbusTcp.joined(gateways) if len(gateways) == len(members) else SharedLine(members)

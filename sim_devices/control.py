@@ -6,25 +6,32 @@ import json
 import math
 import socket
 import socketserver
+import sys
 import threading
 import time
 from typing import Any
 from urllib.parse import urlsplit
 
-from goniometer.errors import DeviceFaultError, NotConnectedError, ReplyError, ReplyTimeoutError
+from pydantic import ValidationError
+
+from goniometer.errors import ConfigurationError, DeviceFaultError, NotConnectedError, ReplyError, ReplyTimeoutError
 from sim_devices.bench import Bench
+from sim_devices.faults.known import one_fault
 
 _DEVICE = "simulated bench"
 _LONGEST_REQUEST = 4096
+_LONGEST_REPLY = 1 << 24  # the first one holds the scene
+_LONGEST_SLEEP_S = 1e6
 _TIMEOUT_S = 10.0
 
 
 class ControlServer:
-    """Tells other processes what a bench holds, and lets them wait on its clock.
+    """Tells other processes what a bench holds, lets them wait on its clock, and lets things go wrong.
 
     Requests are ``{"request": "hello"}``, ``{"request": "now"}`` and ``{"request": "sleep", "duration_s": 0.1}``. A
     sleep is one on the bench's own clock, in a thread of its client: virtual time then passes as it does for a program
-    that holds the bench itself. One client at a time is served, because two scans would move each other's axes.
+    that holds the bench itself. One client at a time is served, because two scans would move each other's axes. Any
+    client may ask for ``{"request": "fault", "fault": {"fault": "late", "device": "meter", "late_s": 2}}``.
 
     Parameters
     ----------
@@ -55,25 +62,34 @@ class ControlServer:
         self._thread.join()
         self._server.server_close()
 
-    def answer(self, line: bytes) -> dict[str, Any]:
+    def answer(self, request: Any) -> dict[str, Any]:
         """Answer one request; a sleep when it is over."""
         clock = self._bench.clock
-        try:
-            request = json.loads(line)
-        except ValueError:
-            request = None
         match request:
             case {"request": "hello"}:
                 return {"scene": self._scene_text, "speed": clock.speed, "now_s": clock.now()}
             case {"request": "now"}:
                 return {"now_s": clock.now()}
             case {"request": "sleep", "duration_s": (int() | float()) as duration_s} if (
-                duration_s is not True and 0 <= duration_s < math.inf
+                duration_s is not True and 0 <= duration_s <= _LONGEST_SLEEP_S
             ):
                 clock.sleep(duration_s)
                 return {"now_s": clock.now()}
+            case {"request": "fault", "fault": fault}:
+                return self._switch_on(fault)
             case _:
-                return {"error": f"{line!r} is no request. Ask for hello, for now, or for sleep with duration_s."}
+                return {"error": "this is no request: ask for hello, now, sleep with duration_s, or fault with fault"}
+
+    def _switch_on(self, fault: Any) -> dict[str, Any]:
+        try:
+            self._bench.faults.switch_on(one_fault.validate_python(fault))
+        except ValidationError as error:
+            places = (".".join(map(str, fault["loc"])) or "fault" for fault in error.errors())
+            reasons = (fault["msg"] for fault in error.errors())
+            return {"error": "; ".join(f"{place}: {reason}" for place, reason in zip(places, reasons, strict=True))}
+        except ConfigurationError as error:
+            return {"error": str(error)}
+        return {"now_s": self._bench.clock.now()}
 
 
 class _Server(socketserver.ThreadingTCPServer):
@@ -90,11 +106,16 @@ class _Client(socketserver.StreamRequestHandler):
 
     def handle(self) -> None:
         """Answer line after line until the client goes."""
-        control = self.server.control
-        is_served = control.client.acquire(blocking=False)
+        control, is_served = self.server.control, False
         try:
             while line := self.rfile.readline(_LONGEST_REQUEST):
-                self._send(control.answer(line) if is_served else {"error": "another program is using this bench"})
+                request = _parsed(line)
+                is_fault = isinstance(request, dict) and request.get("request") == "fault"
+                is_served = is_served or (not is_fault and control.client.acquire(blocking=False))
+                if is_served or is_fault:
+                    self._send(control.answer(request))
+                else:
+                    self._send({"error": "another program is using this bench"})
         except DeviceFaultError as error:
             self._send({"error": str(error)})
         except ConnectionError:
@@ -105,6 +126,13 @@ class _Client(socketserver.StreamRequestHandler):
 
     def _send(self, answer: dict[str, Any]) -> None:
         self.wfile.write(json.dumps(answer).encode() + b"\n")
+
+
+def _parsed(line: bytes) -> Any:
+    try:
+        return json.loads(line)
+    except (ValueError, RecursionError):  # brackets within brackets within brackets
+        return None
 
 
 class RemoteClock:
@@ -174,7 +202,7 @@ class RemoteClock:
         with self._lock:
             try:
                 self._connection.sendall(json.dumps(request).encode() + b"\n")
-                line = self._replies.readline()
+                line = self._replies.readline(_LONGEST_REPLY)
             except TimeoutError as error:
                 raise ReplyTimeoutError(
                     _DEVICE,
@@ -189,11 +217,8 @@ class RemoteClock:
         return self._checked(line, wanted)
 
     def _checked(self, line: bytes, wanted: tuple[str, ...]) -> dict[str, Any]:
-        try:
-            answer = json.loads(line)
-        except ValueError:
-            answer = None
-        if isinstance(answer, dict) and all(key in answer for key in wanted):
+        answer = _parsed(line)
+        if isinstance(answer, dict) and all(_is_usable(key, answer.get(key)) for key in wanted):
             return answer
         if isinstance(answer, dict) and "error" in answer:
             raise DeviceFaultError(
@@ -216,3 +241,14 @@ class RemoteClock:
             not_done="waiting on its clock",
             to_do="start the bench with 'goniometer simulate' and use the address that it prints",
         )
+
+
+def _is_usable(key: str, value: Any) -> bool:
+    """Whether a reply's value is what its key promises."""
+    if key == "scene":
+        return isinstance(value, str)
+    if key == "speed" and value == "max":
+        return True
+    if not isinstance(value, (int, float)) or isinstance(value, bool):
+        return False
+    return abs(value) < sys.float_info.max and (key != "speed" or value > 0)

@@ -51,6 +51,7 @@ class ElliptecSession:
         self._reader = PacketReader()
         self._to_module, self._to_host = SerialLine(_BAUDRATE), SerialLine(_BAUDRATE)
         self._last_s = float("-inf")
+        self._is_watched = False
 
     def receive(self, data: bytes, now_s: float) -> list[Due]:
         """Take one character after the other."""
@@ -61,11 +62,19 @@ class ElliptecSession:
             packet = self._reader.take(chr(byte))
             if packet is not None:
                 due += self._say(self._module.take(packet, heard_s))
-        if self._reader.unfinished:
-            due.append((now_s + GIVES_UP_S, lambda time_s: self._give_up(time_s) if self._last_s == now_s else []))
+        if self._reader.unfinished and not self._is_watched:
+            due.append(self._watch())
         return due
 
-    def _give_up(self, now_s: float) -> list[Due]:
+    def _watch(self) -> Due:
+        """One look at a time, however many bytes come meanwhile."""
+        self._is_watched = True
+        return self._last_s + GIVES_UP_S, self._look
+
+    def _look(self, now_s: float) -> list[Due]:
+        self._is_watched = False
+        if self._reader.unfinished and now_s < self._last_s + GIVES_UP_S:
+            return [self._watch()]
         unfinished, self._reader.unfinished = self._reader.unfinished, ""
         return self._say(self._module.give_up(unfinished[0], now_s)) if unfinished else []
 

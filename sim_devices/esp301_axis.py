@@ -83,6 +83,19 @@ class Esp301Axis:
         self.power_off(now_s)
         self._set_defaults()
 
+    def turns(self, axis: Axis) -> bool:
+        """Whether this is the axis of that stage."""
+        return self._axis is axis
+
+    def hit_limit(self, now_s: float) -> None:
+        """Stop as the limit switch ahead makes it: at once, with an error, and without power."""
+        self._faults.append((4 if self._axis.velocity_deg_s(now_s) >= 0 else 5, now_s))
+        self.power_off(now_s)
+
+    def lose_home(self, now_s: float) -> None:
+        """Count from 0 where it stands."""
+        self._zero_deg = self._axis.position_deg(now_s)
+
     def passes_at(self, parameter: str, now_s: float) -> float:
         """When the motion under way passes a position; error 1 when it never does."""
         position_deg = to_number(parameter) * self._settings.deg_per_unit + self._zero_deg

@@ -83,8 +83,10 @@ class RtuSession:
 
     def _next_frame(self) -> bytes | None:
         """Cut the first complete frame out of what has arrived, and drop what lies before it."""
-        # a request for this unit behind bytes that still wait for more proves that these were no frame
-        for start in range(len(self._buffer)):
+        # A request for this unit behind bytes that still wait for more proves that these were no frame. Behind garbage
+        # only what this unit must not miss is looked for.
+        ours = (self._unit.unit, BROADCAST)
+        for start in (place for place, byte in enumerate(self._buffer) if not place or byte in ours):
             for length in self._possible_lengths(start):
                 frame = self._buffer[start : start + length]
                 if _SHORTEST_FRAME <= length == len(frame) <= _LONGEST_FRAME and crc16(frame[:-2]) == frame[-2:]:
@@ -99,8 +101,7 @@ class RtuSession:
         """Lengths of a frame that begins at `start`, as far as what has come of it tells."""
         head = self._buffer[start : start + _LONGEST_FRAME]
         is_for_this = head[0] in (self._unit.unit, BROADCAST)
-        # behind garbage only what this unit must not miss is looked for
-        if len(head) < _SHORTEST_FRAME or (start and not is_for_this):
+        if len(head) < _SHORTEST_FRAME:
             return
         known = list(_lengths(head, _FIXED_REQUESTS, _COUNTED_REQUESTS))
         if not is_for_this:

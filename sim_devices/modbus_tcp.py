@@ -29,6 +29,11 @@ class ModbusTcp:
         self._units = {unit.unit: unit for unit in units}
         self._free_s = float("-inf")
 
+    @classmethod
+    def joined(cls, gateways: Iterable[ModbusTcp]) -> ModbusTcp:
+        """One gateway to the units of several."""
+        return cls(unit for gateway in gateways for unit in gateway._units.values())
+
     def session(self) -> _Session:
         """A new client."""
         return _Session(self)

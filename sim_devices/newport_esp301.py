@@ -85,6 +85,27 @@ class NewportEsp301:
         """A new client."""
         return _Session(self)
 
+    def power_cycle(self, now_s: float) -> None:
+        """Begin afresh, and count from 0 wherever the axes stand."""
+        self.reset(now_s)
+        for axis in self._axes.values():
+            axis.lose_home(now_s)
+
+    def reset(self, now_s: float) -> None:
+        """Begin afresh, as told by RS: axes stop, motors are off, settings are those of the factory."""
+        self._reset("", now_s)
+
+    def hit_limit(self, axis: Axis, now_s: float) -> None:
+        """Let a stage meet its limit switch."""
+        self._of(axis).hit_limit(now_s)
+
+    def lose_home(self, axis: Axis, now_s: float) -> None:
+        """Let a stage's position be 0 where it stands, as another program's DH does."""
+        self._of(axis).lose_home(now_s)
+
+    def _of(self, axis: Axis) -> Esp301Axis:
+        return next(of_controller for of_controller in self._axes.values() if of_controller.turns(axis))
+
     def execute(self, line: str, arrival_s: float) -> Replies:
         """Run the commands of one line as soon as the interpreter is free."""
         if len(line) > _LINE_LIMIT:

@@ -23,7 +23,7 @@ from sim_devices.az_registers import (
 from sim_devices.modbus_rtu import RtuSession
 
 _STEPS_PER_MOTOR_TURN = 1000
-_DATA_ALARM = 0x70
+_DATA_ALARM, _OVERTRAVEL_ALARM, _HOME_ALARM = 0x70, 0x66, 0x4A
 _HOMING = Operation(Type.ABSOLUTE, 0, 5_000, 1_000_000, 1_000_000, 1_000)
 _JOG = DEFAULT_OPERATION._replace(type=Type.RELATIVE_TO_COMMAND, position=1)
 
@@ -73,6 +73,20 @@ class OrientalAz:
         """Let a protection stop the motor; nothing moves until the alarm is reset."""
         self._alarm = alarm
         self._motor.stop(now_s)
+
+    def power_cycle(self, now_s: float) -> None:
+        """Lose every register and alarm, but not the position: the encoder is absolute."""
+        self._motor.stop(now_s)
+        self._items = dict(DEFAULTS)
+        self._alarm = self._communication_error = 0
+
+    def hit_limit(self, axis: Axis, now_s: float) -> None:
+        """Let the table meet its limit switch."""
+        self.trip(_OVERTRAVEL_ALARM, now_s)
+
+    def lose_home(self, axis: Axis, now_s: float) -> None:
+        """Let the encoder forget where home is."""
+        self.trip(_HOME_ALARM, now_s)
 
     def _read(self, address: int, count: int, now_s: float) -> list[int]:
         """Contents of whole items, upper register first."""

@@ -5,17 +5,22 @@ from __future__ import annotations
 import selectors
 import socket
 import threading
-from contextlib import suppress
+from collections.abc import Callable
+from typing import TypeAlias
 
 from goniometer.errors import DeviceFaultError
 from sim_devices.agenda import Agenda
 from sim_devices.clock import BenchClock
-from sim_devices.device import Device, Later
+from sim_devices.device import Device, Later, Session
 from sim_devices.ports import Port, PtyPort, SocketPort
 from sim_devices.served_link import ServedLink
+from sim_devices.waker import Waker
 
 # virtual time does not tell when it has passed what a device will say on its own; real seconds from look to look
 _LOOK_S = 0.001
+
+# what stands between a device's session and its client, or None where the client is refused
+Between: TypeAlias = Callable[[Session], Session | None]
 
 
 class Reactor:
@@ -36,12 +41,12 @@ class Reactor:
         self._links: set[ServedLink] = set()
         self._listeners: list[socket.socket] = []
         self._gone: list[Port] = []
-        self._agenda: Agenda[ServedLink] = Agenda()
+        self._agenda: Agenda[ServedLink | None] = Agenda()
+        self._between: dict[Device, Between] = {}
         self._failure: BaseException | None = None
         self._is_stopping = False
-        self._waker, self._wakes = socket.socketpair()
-        self._wakes.setblocking(False)
-        self._selector.register(self._wakes, selectors.EVENT_READ)
+        self._waker = Waker()
+        self._selector.register(self._waker, selectors.EVENT_READ)
         self._thread = threading.Thread(target=self._run, name="simulated bench", daemon=True)
 
     def listen(self, device: Device) -> int:
@@ -67,6 +72,35 @@ class Reactor:
             self._add(port, device)
         return port.path
 
+    def stand_between(self, device: Device, between: Between) -> None:
+        """Have something stand between a device and its clients, those that it has and those to come."""
+        with self._lock:
+            self._between[device] = between
+            for link in self._links_of(device):
+                link.session = between(link.session) or link.session
+
+    def at(self, time_s: float, act: Later) -> None:
+        """Let something happen to the bench itself, in its turn among all that is said; what follows is no bytes."""
+        with self._lock:
+            self._agenda.add(time_s, None, act, is_reply=False)
+            self._wake()
+
+    def say(self, device: Device, data: bytes) -> None:
+        """Let all clients of a device hear something now."""
+        with self._lock:
+            for link in self._links_of(device):
+                self._say(link, data, is_reply=False)
+
+    def cut(self, device: Device, *, hangs_up: bool) -> None:
+        """Lose all that is on its way to a device's clients, and their connections too when it hangs up."""
+        with self._lock:
+            for link in self._links_of(device):
+                self._agenda.drop(link)
+                link.scheduled_bytes = 0
+                link.unsent.clear()
+                link.has_ended |= hangs_up and isinstance(link.port, SocketPort)
+                self._watch(link)
+
     def start(self) -> None:
         """Begin to serve."""
         self._thread.start()
@@ -80,7 +114,6 @@ class Reactor:
         with self._lock:
             self._close_all()
             self._waker.close()
-            self._wakes.close()
 
     def serve(self) -> None:
         """Take everything that clients have sent, and answer what is due; raises what stops the bench."""
@@ -117,7 +150,8 @@ class Reactor:
                 # another thread may serve meanwhile; what it has answered is simply no longer there
                 self._selector.select(self._real_s_until_due())
                 with self._lock:
-                    self._be_awake()
+                    # only this thread takes the calls: one taken by another would not have woken it
+                    self._waker.hear()
                     self._serve()
                     self._close_gone()
         except BaseException as failure:  # noqa: BLE001 - kept, and raised by whoever asks next
@@ -130,11 +164,10 @@ class Reactor:
     def _real_s_until_due(self) -> float | None:
         with self._lock:
             reply_s, unasked_s = self._agenda.next_reply_s, self._agenda.next_unasked_s
-            wait_s = None if reply_s is None else self._clock.real_s_until(reply_s)
-            if unasked_s is None:
-                return wait_s
-            look_s = self._clock.real_s_until(unasked_s) or _LOOK_S
-            return look_s if wait_s is None else min(wait_s, look_s)
+            waits_s = [] if reply_s is None else [self._clock.real_s_until(reply_s)]
+            if unasked_s is not None:
+                waits_s.append(self._clock.real_s_until(unasked_s) or _LOOK_S)
+            return min(waits_s, default=None)
 
     def _serve(self) -> None:
         while True:
@@ -151,19 +184,34 @@ class Reactor:
         now_s = self._clock.now()
         while (entry := self._agenda.pop(now_s)) is not None:
             link, said = entry.client, entry.said
-            if not isinstance(said, bytes):
-                for due_s, follower in said(entry.due_s) if link in self._links else ():
-                    self._schedule(due_s, link, follower, is_reply=False)
+            if link is None:
+                assert not isinstance(said, bytes)
+                for due_s, follower in said(entry.due_s):
+                    self._agenda.add(due_s, None, follower, is_reply=False)
                 continue
-            link.say(said, is_reply=entry.is_reply)
-            # a client that is behind is sent more once it has read
-            if not link.watched & selectors.EVENT_WRITE:
-                self._send(link)
+            if isinstance(said, bytes):
+                link.scheduled_bytes -= len(said)
+                self._say(link, said, is_reply=entry.is_reply)
+                continue
+            for due_s, follower in said(entry.due_s) if link in self._links else ():
+                if isinstance(follower, bytes) and due_s <= entry.due_s:
+                    # before what was entered later for the same time
+                    self._say(link, follower, is_reply=False)
+                else:
+                    self._schedule(due_s, link, follower, is_reply=False)
 
     def _schedule(self, due_s: float, link: ServedLink, said: bytes | Later, *, is_reply: bool) -> None:
         self._agenda.add(due_s, link, said, is_reply=is_reply)
         if isinstance(said, bytes):
             link.scheduled_bytes += len(said)
+        else:
+            self._wake()
+
+    def _say(self, link: ServedLink, said: bytes, *, is_reply: bool) -> None:
+        link.take(said, is_reply=is_reply)
+        # a client that is behind is sent more once it has read
+        if not link.watched & selectors.EVENT_WRITE:
+            self._send(link)
 
     def _accept(self, listener: socket.socket, device: Device) -> None:
         try:
@@ -174,9 +222,16 @@ class Reactor:
         self._add(SocketPort(connection), device)
 
     def _add(self, port: Port, device: Device) -> None:
-        link = ServedLink(port, device.session())
+        session = self._between.get(device, _nothing_between)(device.session())
+        if session is None:
+            port.close()
+            return
+        link = ServedLink(port, device, session)
         self._links.add(link)
         self._watch(link)
+
+    def _links_of(self, device: Device) -> list[ServedLink]:
+        return [link for link in self._links if link.device is device]
 
     def _attend(self, link: ServedLink, mask: int) -> None:
         if mask & selectors.EVENT_WRITE:
@@ -190,10 +245,7 @@ class Reactor:
             link.has_ended = True
         else:
             for due_s, said in link.session.receive(data, self._clock.now()) if data else ():
-                is_reply = isinstance(said, bytes)
-                self._schedule(due_s, link, said, is_reply=is_reply)
-                if not is_reply:
-                    self._wake()
+                self._schedule(due_s, link, said, is_reply=isinstance(said, bytes))
         self._watch(link)
 
     def _send(self, link: ServedLink) -> None:
@@ -226,12 +278,7 @@ class Reactor:
     def _wake(self) -> None:
         """Let the thread look again; nothing to do when it is this one that runs."""
         if threading.current_thread() is not self._thread:
-            self._waker.send(b"\0")
-
-    def _be_awake(self) -> None:
-        """Take the calls to look again. Only the thread itself does: one taken by another would not have woken it."""
-        with suppress(BlockingIOError):
-            self._wakes.recv(4096)
+            self._waker.call()
 
     def _close_gone(self) -> None:
         """Close ports only in the thread that selects: some systems fail when a port is closed meanwhile."""
@@ -245,3 +292,8 @@ class Reactor:
         for listener in self._listeners:
             listener.close()
         self._selector.close()
+
+
+def _nothing_between(session: Session) -> Session:
+    """What stands between a device and its clients as long as no fault does."""
+    return session

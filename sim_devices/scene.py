@@ -12,6 +12,7 @@ from sim_devices.bench_devices.entry import AxisRole
 from sim_devices.bench_devices.known import AnyDevice
 from sim_devices.contact import Bodies
 from sim_devices.effects.known import AnyEffect
+from sim_devices.faults.known import AnyFault
 from sim_devices.scene_part import ScenePart
 
 
@@ -84,6 +85,9 @@ class Scene(ScenePart):
     effects: Annotated[tuple[AnyEffect, ...], Field(strict=False)] = Field(
         description="what disturbs arms, light and readings; an effect that is not named costs nothing"
     )
+    faults: Annotated[tuple[AnyFault, ...], Field(strict=False)] = Field(
+        default=(), description="what goes wrong while the bench is used, and when; see docs/faults.md"
+    )
 
     @model_validator(mode="after")
     def _is_a_whole_bench(self) -> Scene:
@@ -107,6 +111,7 @@ class Scene(ScenePart):
             (analyzer,) = (device for device in self.devices.values() if device.part == "analyzer")
             slots = getattr(analyzer, "slots", {})
             faults += [fault for part in self.effects for fault in part.faults(slots)]
+        faults += [objection for fault in self.faults for objection in fault.objections(self.devices)]
         if self.sample.bounces > 1 and "acceptance_cone" not in named:
             faults.append(
                 f"light of {self.sample.bounces} bounces has a pole in the mirror direction, which only the mean over "

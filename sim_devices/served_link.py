@@ -5,7 +5,7 @@ from __future__ import annotations
 import selectors
 from dataclasses import dataclass, field
 
-from sim_devices.device import Session
+from sim_devices.device import Device, Session
 from sim_devices.ports import Port
 
 # a client that does not read its replies is not listened to while this much waits for it
@@ -17,6 +17,7 @@ class ServedLink:
     """A client as the reactor sees it; `watched` are the events it waits for, `wanted` those that it should."""
 
     port: Port
+    device: Device
     session: Session
     scheduled_bytes: int = 0
     unsent: bytearray = field(default_factory=bytearray)
@@ -35,8 +36,7 @@ class ServedLink:
         """Whether the client has ended and has been answered."""
         return self.has_ended and not self.unsent and not self.scheduled_bytes
 
-    def say(self, said: bytes, *, is_reply: bool) -> None:
-        """Hand over what was scheduled; what was not asked for is lost on a client that does not read."""
-        self.scheduled_bytes -= len(said)
+    def take(self, said: bytes, *, is_reply: bool) -> None:
+        """Take what is to be sent; what was not asked for is lost on a client that does not read."""
         if is_reply or len(self.unsent) < _MOST_WAITING_BYTES:
             self.unsent += said

@@ -41,6 +41,14 @@ class ThorlabsFw102c:
         """A new client."""
         return _Session(self)
 
+    def power_cycle(self, now_s: float) -> None:
+        """Forget what was typed; the wheel stays where its last turn leads."""
+        self._typed = b""
+
+    def press(self, now_s: float) -> None:
+        """Press the button that turns the wheel one slot on."""
+        self._step(1, self.free_s(now_s))
+
     def free_s(self, now_s: float) -> float:
         """When a character that arrives now is taken."""
         return max(now_s, self._free_s)

@@ -83,6 +83,7 @@ class ThorlabsPm100:
             "FETCh?": self._fetch,
             "INITiate[:IMMediate]": self._initiate,
             "CONFigure[:SCALar][:POWer]": lambda arguments, now_s: None,
+            "CONFigure?": lambda arguments, now_s: "POW",
             "SENSe:POWer[:DC]:UNIT": self._set_unit,
             "SENSe:POWer[:DC]:UNIT?": lambda arguments, now_s: self._unit,
             "SENSe:POWer[:DC]:RANGe[:UPPer]": self._set_range,
@@ -106,6 +107,12 @@ class ThorlabsPm100:
     def session(self) -> _Session:
         """A new client."""
         return _Session(self)
+
+    def power_cycle(self, now_s: float) -> None:
+        """Lose every setting, error and reading."""
+        self._set_defaults()
+        self._errors.clear()
+        self._events, self._free_s = _POWER_ON, now_s
 
     def execute(self, line: str, arrival_s: float) -> Replies:
         """Run the commands of one line as soon as the meter is free; their answers share one line."""

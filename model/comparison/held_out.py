@@ -20,6 +20,8 @@ _SIDE_BY_SIDE = 4
 _ONE = np.zeros(1, np.int64)
 # What is left out tells of no parameter more than so many times what the rest does: then its error is known at all.
 _MOST_TOLD = 1e12
+# A slope this small, against the steepest parameter's, is of rounding.
+_NO_SLOPE = 1e-10
 # Squares of differences this small, against those of the values, are of rounding.
 ROUNDING = 1e-18
 
@@ -105,9 +107,13 @@ def _predicted(rest: Dataset, left: Dataset, family: SurfaceFamily) -> tuple[flo
 
 
 def _inverse(told: FloatArray, left: FloatArray) -> FloatArray:
-    """Covariance of parameters from what the fitted values tell of them, where what was left out tells of them too."""
+    """Covariance of parameters from what the fitted values tell of them, where what was left out tells of them too.
+
+    A parameter without slope, as k is at 0, makes no prediction vague; its slope is 0 to rounding.
+    """
     both = np.diag(told) + np.diag(left)
-    unit = np.where(both > 0.0, 1.0 / np.sqrt(np.where(both > 0.0, both, 1.0)), 0.0)
-    scaled = told * np.outer(unit, unit) + np.eye(len(told)) * np.where(both > 0.0, 1.0 / _MOST_TOLD, 1.0)
+    counts = both > _NO_SLOPE**2 * both.max()
+    unit = np.where(counts, 1.0 / np.sqrt(np.where(counts, both, 1.0)), 0.0)
+    scaled = told * np.outer(unit, unit) + np.eye(len(told)) * np.where(counts, 1.0 / _MOST_TOLD, 1.0)
     inverse: FloatArray = np.linalg.inv(scaled) * np.outer(unit, unit)
     return inverse

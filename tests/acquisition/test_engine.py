@@ -8,7 +8,7 @@ from acquisition.engine import Bench, Engine, stopped_afterwards
 from acquisition.events import ReadingStored
 from acquisition.expand import Step, Target
 from acquisition.journal import Journal
-from goniometer.errors import DeviceFaultError, PositionError, ReplyTimeoutError, ScanInterrupted
+from goniometer.errors import DeviceFaultError, NotConnectedError, PositionError, ScanInterrupted
 
 
 class Clock:
@@ -38,6 +38,7 @@ class Device:
     stops: int = 0
     obeys: bool = True
     turned_by_hand: list = field(default_factory=list)
+    unplugged_until_s: float = 0.0
 
     def start_move(self, target):
         self.target, self.arrival_s = target + self.miss, self.clock.now() + 1.0
@@ -45,6 +46,7 @@ class Device:
     start_select = start_move
 
     def is_moving(self):
+        self._require_link()
         if self.clock.now() < self.arrival_s:
             return True
         self.place = self.target
@@ -57,11 +59,16 @@ class Device:
         return self.turned_by_hand.pop(0) if self.turned_by_hand else self.place
 
     def stop(self):
+        self._require_link()
         self.stops += 1
         if self.stop_error is not None:
             raise self.stop_error
         if self.obeys:
             self.arrival_s, self.target = self.clock.now(), self.place
+
+    def _require_link(self):
+        if self.clock.now() < self.unplugged_until_s:
+            raise NotConnectedError(self.name, "the cable is out", not_done="nothing", to_do="plug it in")
 
     def start_reading(self, exposure_s):
         self.arrival_s = self.clock.now() + exposure_s
@@ -124,10 +131,41 @@ def test_an_axis_that_stops_elsewhere_ends_the_scan_before_a_reading(bench, cloc
 
 def test_a_wheel_turned_by_hand_between_two_readings_ends_the_scan(bench, clock, journal):
     bench.analyzer.place = 3
-    bench.analyzer.turned_by_hand = [3, 3, 4]
+    bench.analyzer.turned_by_hand = [3, 3, 3, 4]
     with pytest.raises(PositionError, match="wheel: slot 4 is in the beam instead of slot 3"):
         engine(bench, clock, journal).run([step(readings=3)])
     assert [reading.slot for reading in journal.readings()] == [3]
+
+
+def test_a_reading_during_which_the_wheel_was_turned_is_not_stored(bench, clock, journal):
+    bench.analyzer.place = 3
+    bench.analyzer.turned_by_hand = [3, 3, 4]
+    with pytest.raises(PositionError, match="wheel: slot 4 is in the beam instead of slot 3"):
+        engine(bench, clock, journal).run([step(readings=3)])
+    assert journal.readings() == ()
+
+
+@pytest.mark.parametrize("role", ["source_arm", "detector_arm", "sample_azimuth"])
+def test_an_axis_that_is_not_where_it_was_left_is_not_moved(bench, clock, journal, role):
+    """A controller that was reset says 0: a move from there would lead to twice the angle."""
+    axis = getattr(bench, role)
+    running = engine(bench, clock, journal)
+    running.run([step()])
+    left_deg, axis.place = axis.place, 0.0
+    with pytest.raises(PositionError, match=f"{axis.name}: stands at 0 degrees although it was left at {left_deg:g}"):
+        running.run([step(point=1, exit_deg=6.0)])
+    assert axis.place == 0.0
+    assert not moving(bench)
+    assert {reading.point for reading in journal.readings()} == {0}
+
+
+def test_the_last_readings_are_taken_where_the_axes_were_left_too(bench, clock, journal):
+    def lose_home(event):
+        if isinstance(event, ReadingStored) and event.reading.repeat == 1:
+            bench.detector_arm.place = 0.0
+
+    with pytest.raises(PositionError, match="detector arm: stands at 0 degrees although it was left at 5"):
+        engine(bench, clock, journal, publish=lose_home).run([step(readings=2)])
 
 
 def test_a_reading_is_stored_before_it_is_shown(bench, clock, journal):
@@ -172,8 +210,28 @@ def test_an_axis_that_does_not_obey_its_stop_is_named(bench, clock):
     with pytest.raises(BaseExceptionGroup) as caught, stopped_afterwards(bench, GenerousClock(clock)):
         pass
     (failure,) = caught.value.exceptions
-    assert isinstance(failure, ReplyTimeoutError)
+    assert isinstance(failure, DeviceFaultError)
+    assert "still moves 10 s" in str(failure)
     assert "cut its power now" in str(failure)
+
+
+def test_an_axis_whose_cable_is_plugged_in_again_is_stopped(bench, clock):
+    bench.detector_arm.arrival_s, bench.detector_arm.unplugged_until_s = 1e9, 0.5
+    with stopped_afterwards(bench, clock):
+        pass
+    assert bench.detector_arm.stops == 1
+    assert not bench.detector_arm.is_moving()
+
+
+def test_an_axis_that_cannot_be_asked_may_still_be_moving_and_the_error_says_so(bench, clock):
+    bench.detector_arm.unplugged_until_s = 1e9
+    with pytest.raises(BaseExceptionGroup) as caught, stopped_afterwards(bench, clock):
+        pass
+    (failure,) = caught.value.exceptions
+    assert isinstance(failure, DeviceFaultError)
+    assert "detector arm: it was told to stop" in str(failure)
+    assert "the cable is out" in str(failure)
+    assert "may still be moving" in str(failure)
 
 
 class GenerousClock:

@@ -121,10 +121,14 @@ def test_refused_command_is_a_fault(wheel, until):
         until(lambda: not wheel.is_moving())
 
 
-def test_motion_that_is_answered_with_anything_but_a_prompt_is_refused(wheel, until):
-    _, wheel = wheel(changes={b"pos=3": b"pos=3\r4\r> "})
+@pytest.mark.parametrize("answer", [b"pos=3\r4\r> ", b"> ", b"\xff\xfe> ", b"pos=3\r\r> > "])
+def test_after_a_motion_with_garbage_behind_it_the_wheel_is_asked_where_it_stands(wheel, until, answer):
+    peer, wheel = wheel(changes={b"pos=3": answer, b"pos=4": answer})
     wheel.start_select(3)
-    with pytest.raises(ReplyError, match="the answer to 'pos=3' is '4', which is not a prompt and nothing else"):
+    until(lambda: not wheel.is_moving())
+    assert peer.commands[-1] == b"pos?"
+    wheel.start_select(4)
+    with pytest.raises(PositionError, match="was sent to slot 4 but stands at slot 3"):
         until(lambda: not wheel.is_moving())
 
 
@@ -160,6 +164,9 @@ def test_prompt_that_came_while_the_host_hung_is_good(clock):
         def read_until(self, terminator):
             return b"pos?\r3\r"
 
+        def until_answered(self, exchange):
+            return exchange()
+
     wheel = ThorlabsFw102c(PromptHasCome(), clock, name="analyzer", slots=6, slot_s=0.5, settle_s=0.05)
     wheel.start_select(3)
     clock.time_s = 1e6
@@ -189,30 +196,23 @@ def test_wheel_that_never_ends_its_answer_is_refused(wheel):
         wheel.slot()
 
 
-def test_question_after_a_timeout_is_answered_afresh(wheel):
+def test_question_that_was_not_answered_is_asked_again_and_late_answers_are_dropped(wheel):
     _, wheel = wheel(
         reply_timeout_s=0.05, changes={b"pos?": [b"pos?\r", b"pos?\r5\r> "], b"999!1": b"2\r> " + MARKS[0]}
     )
-    with pytest.raises(ReplyTimeoutError, match="no complete answer"):
-        wheel.slot()
     assert wheel.slot() == 5
 
 
 @pytest.mark.usefixtures("no_real_grace")
 def test_late_mark_does_not_put_answers_one_question_behind(wheel):
     changes = {b"pos?": [b"", b"pos?\r5\r> "], b"999!1": b"", b"999!2": b"pos?\r2\r> " + MARKS[0] + MARKS[1]}
-    _, wheel = wheel(reply_timeout_s=0.05, changes=changes)
-    with pytest.raises(ReplyTimeoutError, match="no complete answer"):
-        wheel.slot()
-    with pytest.raises(ReplyTimeoutError, match="no prompt from the wheel"):
-        wheel.slot()
+    peer, wheel = wheel(reply_timeout_s=0.05, changes=changes)
     assert [wheel.slot(), wheel.slot()] == [5, 5]
+    assert peer.commands[:3] == [b"pos?", b"999!1", b"999!2"]
 
 
 @pytest.mark.parametrize("garbage", [b"pos?\rx\r> ", b"pcount?\r6\r> "])
 def test_answer_that_is_none_is_proof_of_nothing(wheel, garbage):
     peer, wheel = wheel(changes={b"pos?": [garbage, b"pos?\r5\r> "]})
-    with pytest.raises(ReplyError, match=r"analyzer: the answer to 'pos\?' is"):
-        wheel.slot()
     assert wheel.slot() == 5
     assert peer.commands == [b"pos?", b"999!1", b"pos?"]

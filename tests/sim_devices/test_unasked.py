@@ -10,7 +10,10 @@ from sim_devices.reactor import Reactor
 
 
 class Talker:
-    """Told ``m``, says ``done`` after 10 s unless told ``s`` before; told ``u``, says the time every 0.1 s for ever."""
+    """Told ``m``, says ``done`` after 10 s unless told ``s`` before; told ``u``, says the time every 0.1 s for ever.
+
+    Told ``b``, it says ``begun`` on its own after 1 s, and then ``ended`` as a reply due at the same time.
+    """
 
     def __init__(self, said=b"%d "):
         self._said = said
@@ -27,6 +30,8 @@ class Talker:
                 self.moves += 1
             if letter == "m":
                 due.append((now_s + 10.0, lambda due_s, move=self.moves: self._done(due_s, move)))
+            elif letter == "b":
+                due += [(now_s + 1.0, lambda due_s: [(due_s, b"begun")]), (now_s + 1.0, b"ended")]
             elif letter == "u":
                 due.append((now_s + 0.1, self._update))
             else:
@@ -127,6 +132,12 @@ def test_what_has_been_overtaken_is_not_said(serve):
     clock.sleep(10.0)
     client.sendall(b"?")
     assert received(client, 1) == b"?"
+
+
+def test_what_is_due_at_the_same_time_is_said_in_the_order_it_was_entered(serve):
+    client = serve(Talker(), VirtualClock())()
+    client.sendall(b"b")
+    assert received(client, 10) == b"begunended"
 
 
 def test_updates_come_in_order_between_answers_whatever_was_slept(serve):
