@@ -44,6 +44,11 @@ class Agenda(Generic[T]):
         """When a device may next say something on its own; None when none will."""
         return self._unasked[0].due_s if self._unasked else None
 
+    @property
+    def next_told_s(self) -> float | None:
+        """When a device may next tell a client something on its own; None when none will."""
+        return min((entry.due_s for entry in self._unasked if entry.client is not None), default=None)
+
     def drop(self, client: T) -> None:
         """Forget all bytes that were to be said to a client."""
         for queue in (self._replies, self._unasked):

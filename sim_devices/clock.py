@@ -119,6 +119,9 @@ class VirtualClock:
             self._bench.serve()
         with self._lock:
             self._now_s += duration_s
+        if self._bench is not None:
+            # what a device said on its own meanwhile is with its client now
+            self._bench.serve()
 
     def reach(self, time_s: float) -> bool:
         """Go to `time_s`, unless it has passed; always true."""

@@ -247,8 +247,5 @@ def _is_usable(key: str, value: Any) -> bool:
     """Whether a reply's value is what its key promises."""
     if key == "scene":
         return isinstance(value, str)
-    if key == "speed" and value == "max":
-        return True
-    if not isinstance(value, (int, float)) or isinstance(value, bool):
-        return False
-    return abs(value) < sys.float_info.max and (key != "speed" or value > 0)
+    is_number = isinstance(value, (int, float)) and not isinstance(value, bool) and abs(value) < sys.float_info.max
+    return (key == "speed" and value == "max") or (is_number and (key != "speed" or value > 0))

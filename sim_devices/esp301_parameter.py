@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)(E[+-]?\d{1,2})?")
+_LARGEST = 1e9
 
 
 class Esp301Error(Exception):
@@ -21,10 +22,10 @@ def axis_error(code: int) -> Esp301Error:
 
 
 def to_number(parameter: str) -> float:
-    """Read a command's parameter; error 38 when there is none, 7 when it is not a number."""
+    """Read a command's parameter; error 38 when there is none, 7 when it is not a number, or too large."""
     if not parameter:
         raise Esp301Error(38)
-    if not _NUMBER.fullmatch(parameter):
+    if not _NUMBER.fullmatch(parameter) or abs(float(parameter)) > _LARGEST:
         raise Esp301Error(7)
     return float(parameter)
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import selectors
 import socket
 import threading
+import time
 from collections.abc import Callable
 from typing import TypeAlias
 
@@ -19,6 +20,10 @@ from sim_devices.waker import Waker
 # virtual time does not tell when it has passed what a device will say on its own; real seconds from look to look
 _LOOK_S = 0.001
 
+# how long, in real seconds, virtual time waits for clients before it goes to what a device will tell one on its own:
+# longer than a program that speaks to several devices is silent between two of them
+_PATIENCE_S = 0.25
+
 # what stands between a device's session and its client, or None where the client is refused
 Between: TypeAlias = Callable[[Session], Session | None]
 
@@ -30,7 +35,7 @@ class Reactor:
     ----------
     clock : BenchClock
         Tells when a reply is due. Virtual time goes there as soon as no client has anything more to say; to what a
-        device will say on its own it does not go, but comes when somebody waits or is answered.
+        device will say on its own it comes when somebody waits or is answered, or when nobody stirs for a while.
     """
 
     def __init__(self, clock: BenchClock) -> None:
@@ -45,6 +50,7 @@ class Reactor:
         self._between: dict[Device, Between] = {}
         self._failure: BaseException | None = None
         self._is_stopping = False
+        self._stirred_s = time.monotonic()
         self._waker = Waker()
         self._selector.register(self._waker, selectors.EVENT_READ)
         self._thread = threading.Thread(target=self._run, name="simulated bench", daemon=True)
@@ -121,6 +127,7 @@ class Reactor:
             self.raise_failure()
             if self._is_stopping:
                 return
+            self._stirred_s = time.monotonic()
             try:
                 self._serve()
             except BaseException as failure:
@@ -152,6 +159,7 @@ class Reactor:
                 with self._lock:
                     # only this thread takes the calls: one taken by another would not have woken it
                     self._waker.hear()
+                    self._go_on_when_all_wait()
                     self._serve()
                     self._close_gone()
         except BaseException as failure:  # noqa: BLE001 - kept, and raised by whoever asks next
@@ -160,6 +168,12 @@ class Reactor:
             # a client that waits for a reply should see at once that none will come
             with self._lock:
                 self._close_all()
+
+    def _go_on_when_all_wait(self) -> None:
+        if (due_s := self._agenda.next_told_s) is None or time.monotonic() < self._stirred_s + _PATIENCE_S:
+            return
+        self._stirred_s = time.monotonic()
+        self._clock.reach(due_s)
 
     def _real_s_until_due(self) -> float | None:
         with self._lock:
@@ -174,6 +188,7 @@ class Reactor:
             # what was due by now has been said, whatever a client says now
             self._send_due()
             if events := [(key, mask) for key, mask in self._selector.select(0) if key.data is not None]:
+                self._stirred_s = time.monotonic()
                 for key, mask in events:
                     key.data(mask)
             elif (due_s := self._agenda.next_reply_s) is None or not self._clock.reach(due_s):

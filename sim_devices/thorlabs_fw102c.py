@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Collection
 
-from sim_devices.device import Replies
+from sim_devices.device import Due, Later
 from sim_devices.wheel import Wheel
 
 _FAST_SLOT_S, _SLOW_SLOT_S = 0.5, 2.0
@@ -53,7 +53,7 @@ class ThorlabsFw102c:
         """When a character that arrives now is taken."""
         return max(now_s, self._free_s)
 
-    def take(self, character: int, now_s: float) -> Replies:
+    def take(self, character: int, now_s: float) -> list[Due]:
         """Take one typed character: its echo, or the answer to the command that it ends."""
         if character in b"\0\n":
             return []
@@ -66,7 +66,10 @@ class ThorlabsFw102c:
             return [(now_s, bytes([character]))]
         command, self._typed = self._typed.decode("ascii", "replace"), b""
         answer = self._run(command, now_s)
-        return [(now_s, b"\r" + answer), (self.free_s(now_s), _PROMPT)]
+        arrival_s = self.free_s(now_s)
+        # nobody waits for the end of a turn alone: virtual time must not hurry there while clients speak to others
+        prompt: bytes | Later = _PROMPT if arrival_s == now_s else lambda due_s: [(due_s, _PROMPT)]
+        return [(now_s, b"\r" + answer), (arrival_s, prompt)]
 
     def _take_cursor_key(self, character: int, now_s: float) -> None:
         self._typed = b"\x1b" if character == _ESCAPE else self._typed + bytes([character])
@@ -116,13 +119,14 @@ class _Session:
     def __init__(self, device: ThorlabsFw102c) -> None:
         self._device = device
 
-    def receive(self, data: bytes, now_s: float) -> Replies:
+    def receive(self, data: bytes, now_s: float) -> list[Due]:
         """Echo every character as the device takes it; a carriage return runs the command."""
-        replies: Replies = []
+        replies: list[Due] = []
         for character in data:
-            for due_s, text in self._device.take(character, self._device.free_s(now_s)):
-                if replies and replies[-1][0] == due_s:
-                    replies[-1] = due_s, replies[-1][1] + text
+            for due_s, said in self._device.take(character, self._device.free_s(now_s)):
+                before = replies[-1][1] if replies and replies[-1][0] == due_s else None
+                if isinstance(before, bytes) and isinstance(said, bytes):
+                    replies[-1] = due_s, before + said
                 else:
-                    replies.append((due_s, text))
+                    replies.append((due_s, said))
         return replies

@@ -57,8 +57,17 @@ def feed(request):
     return hand_over
 
 
+def told(replies):
+    """All that is said, also later."""
+    for due_s, said in replies:
+        if isinstance(said, bytes):
+            yield due_s, said
+        else:
+            yield from told(said(due_s))
+
+
 def text_of(replies):
-    return b"".join(text for _, text in replies)
+    return b"".join(text for _, text in told(replies))
 
 
 @pytest.fixture

@@ -17,9 +17,22 @@ def device(wheel):
     return ThorlabsFw102c(wheel, range(1, 7))
 
 
+class Told:
+    """A session with all that it will say, as if the times of it had come."""
+
+    def __init__(self, session):
+        self._session = session
+
+    def receive(self, data, now_s=0.0):
+        return [
+            (due_s, text) if isinstance(text, bytes) else text(due_s)[0]
+            for due_s, text in self._session.receive(data, now_s)
+        ]
+
+
 @pytest.fixture
 def fw(device):
-    return device.session()
+    return Told(device.session())
 
 
 UNKNOWN, INVALID = b"Command error CMD_NOT_DEFINED\r", b"Command error CMD_ARG_INVALID\r"
@@ -87,7 +100,7 @@ def test_what_arrives_during_a_turn_is_taken_on_arrival(device, fw, wheel):
 
 
 def test_a_twelve_slot_wheel_turns_the_shorter_way(ask):
-    fw = ThorlabsFw102c(Wheel(), range(1, 13)).session()
+    fw = Told(ThorlabsFw102c(Wheel(), range(1, 13)).session())
     assert fw.receive(b"pos=11\r", 0.0)[-1][0] == 1.0
     assert ask(fw, b"pcount=6\r", 5.0) == b"pcount=6\r" + INVALID + b"> "
 

@@ -60,17 +60,18 @@ def test_virtual_time_passes_at_once_and_never_goes_back(real_time):
     assert clock.speed == "max"
 
 
-def test_virtual_time_serves_the_bench_before_it_passes():
+def test_virtual_time_serves_the_bench_before_it_passes_and_when_it_has_passed():
     clock = VirtualClock()
 
     class Bench:
-        served_at_s = None
+        def __init__(self):
+            self.served_at_s = []
 
         def serve(self):
-            self.served_at_s = clock.now()
+            self.served_at_s.append(clock.now())
 
     bench = Bench()
     clock.attach(bench)
     clock.sleep(5.0)
-    assert bench.served_at_s == 0.0
+    assert bench.served_at_s == [0.0, 5.0]
     assert clock.now() == 5.0
