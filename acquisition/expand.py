@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 from acquisition.readings import ReadingKind
 from acquisition.recipe import Recipe
-from acquisition.timing import EXCHANGE_S, POLL_S, READING_POLL_S, AnalyzerTiming, BenchTiming
+from acquisition.timing import EXCHANGE_S, POLL_S, READING_S, AnalyzerTiming, BenchTiming
 
 
 @dataclass(frozen=True)
@@ -103,7 +103,7 @@ class Visits:
         """The steps that measure an exit angle with so many readings in every slot, as the point of this number."""
         recipe, steps = self._recipe, []
         for kind, there, analyzer_deg, taken in self._places(point, exit_deg, readings, here):
-            duration_s = _moving_s(here, there, self._timing) + taken * (recipe.exposure_s + READING_POLL_S)
+            duration_s = _moving_s(here, there, self._timing) + taken * (recipe.exposure_s + READING_S)
             steps.append(Step(point, kind, there, analyzer_deg, taken, recipe.exposure_s, duration_s))
             here = there
         return tuple(steps)

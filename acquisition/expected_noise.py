@@ -15,7 +15,7 @@ from acquisition.analyzer_matrix import analyzer_row
 from acquisition.expand import Step, Target
 from acquisition.readings import Reading, StokesPoint
 from acquisition.reduce import LampLevel, NoiseModel, Radiometry, Reduction
-from acquisition.timing import READING_POLL_S
+from acquisition.timing import READING_S
 from model.acceptance import Acceptance
 from model.geometry import FloatArray, in_plane
 from model.surface import Surface
@@ -63,7 +63,7 @@ def expected_readings(steps: Sequence[Step], light: Light, detection: Detection)
     stokes = light(*np.array([(step.target.incidence_deg, step.target.exit_deg) for step in steps]).T)
     readings, ended_s = [], 0.0
     for step, of_step in zip(steps, stokes, strict=True):
-        target, reading_s = step.target, step.exposure_s + READING_POLL_S
+        target, reading_s = step.target, step.exposure_s + READING_S
         ended_s += step.duration_s
         power_w = detection.dark_w
         if step.kind != "dark":

@@ -15,6 +15,9 @@ POLL_S = 0.02
 READING_POLL_S = 0.005
 """How often it is looked whether a reading has come; costs no exchange with the device."""
 
+READING_S = READING_POLL_S + 0.004
+"""What a reading takes beyond its exposure: the poll that finds it, and the questions whether it is what was asked."""
+
 EXCHANGE_S = 0.01
 """A question and its answer on a serial line: 20 characters at 19200 baud, or a controller's own latency."""
 

@@ -14,6 +14,7 @@ from acquisition.events import ScanEnded
 from acquisition.expand import HOME, Visits
 from acquisition.expected_noise import expected_points, light_of
 from acquisition.fit_points import dataset, surface_family
+from acquisition.timing import READING_S
 from goniometer.load_files import load_recipe
 from goniometer.planning import detection, plan, slots, timing
 from model.design.design import Criterion
@@ -65,7 +66,7 @@ class BestDesign:
         for place in places:
             steps = self._visits.steps(1, self._recipe.exit_angles_deg()[place], 0, here)
             here, total_s = steps[-1].target, total_s + sum(step.duration_s for step in steps)
-        return total_s, np.full(len(places), 5 * (self._recipe.exposure_s + 0.005))
+        return total_s, np.full(len(places), 5 * (self._recipe.exposure_s + READING_S))
 
     def stderr(self, time_s):
         """Standard error of n after a time."""

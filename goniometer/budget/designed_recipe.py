@@ -9,7 +9,7 @@ import numpy as np
 
 from acquisition.fit_points import surface_family
 from acquisition.recipe import MAX_READINGS, Recipe
-from acquisition.timing import READING_POLL_S
+from acquisition.timing import READING_S
 from goniometer.budget.assumed_sample import AssumedSample, shown
 from goniometer.budget.forecast import told_by_points
 from goniometer.budget.text import undetermined_text
@@ -89,7 +89,8 @@ class _Sweeps:
         """The recipe that reads once in each direction."""
         upwards = [self._angles_deg[place] for place in places]
         either = [_measuring(self._recipe, order, 1) for order in (upwards, upwards[::-1])]
-        return min(either, key=lambda one: sum(step.duration_s for step in plan(one, self._rig)))
+        # upwards where both take the same but for rounding
+        return min(either, key=lambda one: round(sum(step.duration_s for step in plan(one, self._rig)), 6))
 
     def cost(self, places: Sequence[int]) -> tuple[float, FloatArray]:
         """Seconds for the visits, and for one more reading at each of the places."""
@@ -97,7 +98,7 @@ class _Sweeps:
         steps = plan(sweep, self._rig)
         slots = np.bincount([step.point for step in steps])
         in_order = slots if sweep.exit_angles_deg()[0] == self._angles_deg[places[0]] else slots[::-1]
-        reading_s = in_order * (self._recipe.exposure_s + READING_POLL_S)
+        reading_s = in_order * (self._recipe.exposure_s + READING_S)
         return sum(step.duration_s for step in steps) - float(reading_s.sum()), np.asarray(reading_s, np.float64)
 
 

@@ -10,7 +10,7 @@ from pydantic import ValidationError
 
 from acquisition.expand import HOME, Slots, expand
 from acquisition.recipe import Recipe
-from acquisition.timing import READING_POLL_S, AxisTiming, BenchTiming, WheelTiming
+from acquisition.timing import READING_S, AxisTiming, BenchTiming, WheelTiming
 
 SLOTS = Slots(polarizers={0.0: 2, 45.0: 3, 90.0: 4, 135.0: 5}, offset_deg=10.0, blocked=6, open=1)
 ARM = AxisTiming(velocity_deg_s=20, acceleration_deg_s2=80, settle_s=0.05)
@@ -107,7 +107,7 @@ def test_readings_take_the_time_that_they_take_whichever_way_they_are_written():
     more = steps_of(readings=[5, 9, 5, 5])
     extra_s = sum(step.duration_s for step in more) - sum(step.duration_s for step in once)
     slots = 5
-    assert_allclose(extra_s, slots * 4 * (0.03 + READING_POLL_S))
+    assert_allclose(extra_s, slots * 4 * (0.03 + READING_S))
 
 
 @pytest.mark.parametrize(

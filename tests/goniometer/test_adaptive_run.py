@@ -20,6 +20,7 @@ from acquisition.expand import HOME, Visits
 from acquisition.expected_noise import expected_points, light_of
 from acquisition.fit_points import dataset, surface_family
 from acquisition.stokes_csv import read_stokes_csv
+from acquisition.timing import READING_S
 from goniometer.cli import cli
 from goniometer.lasting_stream import LastingStream
 from goniometer.live_console import LiveConsole
@@ -264,7 +265,7 @@ def design_stderr(setup, truth, time_s):
         for place in places:
             steps = visits.steps(1, recipe.exit_angles_deg()[place], 0, here)
             here, total_s = steps[-1].target, total_s + sum(step.duration_s for step in steps)
-        return total_s, np.full(len(places), 5 * (recipe.exposure_s + 0.005))
+        return total_s, np.full(len(places), 5 * (recipe.exposure_s + READING_S))
 
     n = family.names.index("n")
     readings = timed_design(pieces[None], Criterion(np.eye(len(family.names))[n]), cost, time_s, 10_000)
