@@ -9,13 +9,13 @@ from dataclasses import dataclass
 from acquisition.events import Event, ReadingStored, StepStarted
 from acquisition.expand import Step
 from acquisition.journal import Journal
-from acquisition.protocols import Analyzer, Detector, RotaryAxis
+from acquisition.protocols import Analyzer, Detector, HomingAxis, RotaryAxis
 from acquisition.readings import Reading
 from acquisition.stopping import stop_all
 from acquisition.timing import POLL_S, READING_POLL_S
 from drivers.clock import Clock
 from drivers.interlock import Interlock
-from goniometer.errors import PositionError
+from goniometer.errors import DeviceFaultError, PositionError
 
 _SLICE_S = 0.1
 """Longest time between two checks for an interruption."""
@@ -26,6 +26,7 @@ class Bench:
     """The devices of a goniometer, by their roles; `notes` are what they said on connecting.
 
     `polarizer` is the axis that turns a rotating analyzer, None for other analyzers; in a scan the analyzer moves it.
+    `to_home` are the axes that every scan homes before it begins.
     """
 
     source_arm: RotaryAxis
@@ -36,6 +37,7 @@ class Bench:
     notes: tuple[str, ...] = ()
     interlock: Interlock | None = None
     polarizer: RotaryAxis | None = None
+    to_home: tuple[HomingAxis, ...] = ()
 
     @property
     def axes(self) -> dict[str, RotaryAxis]:
@@ -108,6 +110,29 @@ class Engine:
         self._publish, self._check, self._time_left_s = publish, check, duration_s
         self._left_deg: dict[str, float] = {}
         self.readings_taken = 0
+
+    def home(self) -> None:
+        """Home the axes that the bench says, one after the other: on its way, nobody knows where an axis is.
+
+        Raises
+        ------
+        DeviceFaultError
+            When an axis does not find its home position.
+        ScanInterrupted
+            When `check` says so.
+        """
+        for axis in self._bench.to_home:
+            self._check()
+            axis.start_homing()
+            self._until_at_rest([axis], [axis])
+            self._wait(axis.settle_s)
+            if not axis.is_homed():
+                raise DeviceFaultError(
+                    axis.name,
+                    "its controller says that the search for the home position has ended, and that it is not known",
+                    not_done="the scan was not begun",
+                    to_do="look at the stage, its home switch and its cable, then run the recipe again",
+                )
 
     def run(self, steps: Sequence[Step]) -> None:
         """Run steps; the caller stops the bench after the last ones (`stopped_afterwards`).
@@ -215,9 +240,10 @@ class Engine:
         if slot != step.target.slot:
             raise PositionError(
                 self._bench.analyzer.name,
-                f"slot {slot} is in the beam instead of slot {step.target.slot}",
+                f"{'no slot' if slot is None else f'slot {slot}'} is in the beam instead of slot {step.target.slot}",
                 not_done="no reading was stored that this may have spoilt",
-                to_do="check that nobody turned the wheel by hand, then run the recipe again",
+                to_do="check that nothing holds the analyzer and that nobody turned it by hand, then run the recipe "
+                "again",
             )
 
     def _take_reading(self, step: Step, repeat: int, positions_deg: list[float]) -> None:

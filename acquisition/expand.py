@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 from acquisition.readings import ReadingKind
 from acquisition.recipe import Recipe
-from acquisition.timing import EXCHANGE_S, POLL_S, READING_S, AnalyzerTiming, BenchTiming
+from acquisition.timing import POLL_S, AnalyzerTiming, BenchTiming
 
 
 @dataclass(frozen=True)
@@ -102,8 +102,9 @@ class Visits:
     def steps(self, point: int, exit_deg: float, readings: int, here: Target) -> tuple[Step, ...]:
         """The steps that measure an exit angle with so many readings in every slot, as the point of this number."""
         recipe, steps = self._recipe, []
+        reading_s = self._timing.reading_s(recipe.exposure_s)
         for kind, there, analyzer_deg, taken in self._places(point, exit_deg, readings, here):
-            duration_s = _moving_s(here, there, self._timing) + taken * (recipe.exposure_s + READING_S)
+            duration_s = _moving_s(here, there, self._timing) + taken * reading_s
             steps.append(Step(point, kind, there, analyzer_deg, taken, recipe.exposure_s, duration_s))
             here = there
         return tuple(steps)
@@ -141,17 +142,20 @@ def _tour(recipe: Recipe, slots: Slots, analyzer: AnalyzerTiming) -> list[tuple[
 
 
 def _moving_s(here: Target, there: Target, timing: BenchTiming) -> float:
-    arms = (
+    ways = (
         (timing.source_arm, there.incidence_deg - here.incidence_deg),
         (timing.detector_arm, there.exit_deg - here.exit_deg),
         (timing.sample_azimuth, there.azimuth_deg - here.azimuth_deg),
     )
-    moving_s = timing.axes_s(here.axes_deg, there.axes_deg)
-    settles_s = [axis.settle_s for axis, distance in arms if distance]
+    checks_s = 2 * (timing.analyzer.exchange_s + sum(axis.exchange_s for axis, _ in ways))
+    going = [axis for axis, way in ways if way]
+    settles_s = [axis.settle_s for axis in going]
+    moving_s = timing.axes_s(here.axes_deg, there.axes_deg) + sum(axis.start_s for axis in going)
+    asking_s = sum(axis.exchange_s for axis in going)
     if here.slot != there.slot:
         moving_s = max(moving_s, timing.analyzer.move_s(here.slot, there.slot))
         settles_s.append(timing.analyzer.settle_s)
-    position_check_s = 4 * EXCHANGE_S
+        asking_s += timing.analyzer.exchange_s
     if not settles_s:
-        return position_check_s
-    return moving_s + POLL_S / 2 + 2 * EXCHANGE_S + max(settles_s) + position_check_s
+        return checks_s
+    return checks_s + moving_s + POLL_S / 2 + asking_s + max(settles_s)

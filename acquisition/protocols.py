@@ -33,6 +33,18 @@ class RotaryAxis(Protocol):
         ...
 
 
+class HomingAxis(RotaryAxis, Protocol):
+    """An axis that can search its home position."""
+
+    def is_homed(self) -> bool:
+        """Whether it knows where its zero is."""
+        ...
+
+    def start_homing(self) -> None:
+        """Begin to search the home position; `is_moving` tells when it is found."""
+        ...
+
+
 class Analyzer(Protocol):
     """A polarization analyzer that takes one of several numbered slots."""
 
@@ -47,8 +59,8 @@ class Analyzer(Protocol):
         """Whether the slot is still on its way; raises ReplyTimeoutError when it does not arrive."""
         ...
 
-    def slot(self) -> int:
-        """Which slot the device says is in the beam."""
+    def slot(self) -> int | None:
+        """Which slot the device says is in the beam; None when there is none."""
         ...
 
     def stop(self) -> None:

@@ -24,14 +24,27 @@ EXCHANGE_S = 0.01
 
 @dataclass(frozen=True)
 class AxisTiming:
-    """An axis that accelerates evenly to its speed, then needs `settle_s` to come to rest."""
+    """An axis that accelerates evenly to its speed, then needs `settle_s` to come to rest.
+
+    It takes `exchange_s` to ask where the axis is, and `start_s` for whatever else belongs to a move. Where there is
+    `backlash_deg`, moves down go so far below their target and come back.
+    """
 
     velocity_deg_s: float
     acceleration_deg_s2: float
     settle_s: float
+    exchange_s: float = EXCHANGE_S
+    start_s: float = 2 * EXCHANGE_S
+    backlash_deg: float = 0.0
 
     def move_s(self, distance_deg: float) -> float:
-        """Duration of a move: a trapezoidal profile, or a triangle when full speed is not reached."""
+        """Duration of a move; one downwards goes on by the backlash, and comes back."""
+        if distance_deg < 0.0 < self.backlash_deg:
+            return self._way_s(distance_deg - self.backlash_deg) + self._way_s(self.backlash_deg) + self.start_s
+        return self._way_s(distance_deg)
+
+    def _way_s(self, distance_deg: float) -> float:
+        """Duration of a trapezoidal profile, or of a triangle when full speed is not reached."""
         distance_deg = abs(distance_deg)
         if distance_deg == 0.0:
             return 0.0
@@ -48,6 +61,11 @@ class AnalyzerTiming(Protocol):
         """Time to come to rest."""
         ...
 
+    @property
+    def exchange_s(self) -> float:
+        """Time to ask which slot is in the beam."""
+        ...
+
     def move_s(self, start: int, end: int) -> float:
         """Duration of the move from slot to slot."""
         ...
@@ -60,6 +78,7 @@ class WheelTiming:
     slots: int
     slot_s: float
     settle_s: float
+    exchange_s: float = 0.0
 
     def move_s(self, start: int, end: int) -> float:
         """Duration of the wheel's move."""
@@ -73,6 +92,7 @@ class SliderTiming:
 
     slot_s: float
     settle_s: float
+    exchange_s: float
 
     def move_s(self, start: int, end: int) -> float:
         """Duration of the slider's move."""
@@ -91,9 +111,25 @@ class RotatorTiming:
         """Time to come to rest."""
         return self.axis.settle_s
 
+    @property
+    def exchange_s(self) -> float:
+        """Time to ask where it is."""
+        return self.axis.exchange_s
+
     def move_s(self, start: int, end: int) -> float:
         """Duration of the rotator's move; from a slot that it does not have, as from 0 degrees."""
-        return self.axis.move_s(self.angles_deg[end] - self.angles_deg.get(start, 0.0))
+        return self.axis.start_s + self.axis.move_s(self.angles_deg[end] - self.angles_deg.get(start, 0.0))
+
+
+@dataclass(frozen=True)
+class DetectorTiming:
+    """A detector that needs `overhead_s` for each reading, besides its exposure."""
+
+    overhead_s: float = READING_S
+
+    def reading_s(self, exposure_s: float) -> float:
+        """Duration of a reading."""
+        return exposure_s + self.overhead_s
 
 
 @dataclass(frozen=True)
@@ -105,6 +141,11 @@ class BenchTiming:
     sample_azimuth: AxisTiming
     analyzer: AnalyzerTiming
     zones: tuple[Zone, ...] = ()
+    detector: DetectorTiming = DetectorTiming()
+
+    def reading_s(self, exposure_s: float) -> float:
+        """Duration of a reading, and of looking at the analyzer after it."""
+        return self.detector.reading_s(exposure_s) + self.analyzer.exchange_s
 
     def axes_s(self, here_deg: Mapping[str, float], there_deg: Mapping[str, float]) -> float:
         """Duration of the axes' moves between two places, given by role; a way through a zone counts as if free."""

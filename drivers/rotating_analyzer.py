@@ -7,7 +7,7 @@ from contextlib import ExitStack
 from dataclasses import dataclass
 from typing import Protocol
 
-from goniometer.errors import ConfigurationError, DeviceError, LimitError, NotConnectedError, PositionError
+from goniometer.errors import ConfigurationError, DeviceError, LimitError, NotConnectedError
 
 
 class TurningAxis(Protocol):
@@ -101,28 +101,13 @@ class RotatingAnalyzer:
         moving = [axis.is_moving() for axis in self._axes]  # each is asked: asking is what moves an axis on
         return any(moving)
 
-    def slot(self) -> int:
-        """Which slot's angles the axes say they are at, each within its tolerance and whole turns aside.
-
-        Raises
-        ------
-        PositionError
-            When they are at no slot's angles.
-        """
+    def slot(self) -> int | None:
+        """Which slot's angles the axes say they are at, each within its tolerance and whole turns aside; or None."""
         positions_deg = tuple(axis.position_deg() for axis in self._axes)
         for slot, angles_deg in self._slots.items():
             if self._are_alike(positions_deg, angles_deg, tolerances=1):
                 return slot
-        raise PositionError(
-            self.name,
-            " and ".join(
-                f"{axis.name} stands at {position_deg:g} degrees"
-                for axis, position_deg in zip(self._axes, positions_deg, strict=True)
-            )
-            + ", which is no slot of the analyzer",
-            not_done="no slot is in the beam",
-            to_do="check that nothing holds the mounts and that nobody turned them, and home them",
-        )
+        return None
 
     def stop(self) -> None:
         """Stop every axis, also when one of them cannot be stopped; safe to call at any time.

@@ -94,8 +94,7 @@ class SmcLec:
         if status.alarm:
             self._lec.reset_alarm()
             notes.append("an alarm, which was reset")
-        if self._lec.is_held():
-            self._lec.drop_held_motion()
+        if self._lec.is_held() and self._lec.end_hold():
             notes.append("a motion on hold, which was given up")
         self._lec.switch_servo_on()
         return tuple(notes)
@@ -178,7 +177,7 @@ class SmcLec:
     def _able(self) -> LecStatus:
         status = self._sound()
         if self._lec.is_held():
-            self._lec.drop_held_motion()
+            self._lec.end_hold()
             status = self._sound()
         if status.busy:
             raise self._fault("it still moves", "wait until the motion has ended")

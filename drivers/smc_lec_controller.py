@@ -12,6 +12,7 @@ from goniometer.errors import DeviceFaultError
 
 _FULL_FORCE_PERCENT = 100
 _IN_POSITION_WIDTH = 10  # of 0.01 degrees
+_REST = 1  # of 0.01 degrees from its target: a table that stands there does not go on
 _SWITCH_S = 2.0  # until a servo is on or off, or an alarm gone
 _POLL_S = 0.01
 
@@ -96,12 +97,24 @@ class SmcLecController:
         """Whether it is told to hold."""
         return self._modbus.read_coils(self._at.coil_hold, 1)[0]
 
-    def drop_held_motion(self) -> None:
-        """Give up the motion that is kept: with the servo off there is none that the end of the hold could resume."""
-        self._switch_servo(on=False)
-        self.end_homing()
+    def end_hold(self) -> bool:
+        """Take the hold back, so that nothing moves; returns whether a motion was kept, which is then given up.
+
+        With the servo off there is no motion that the end of the hold could resume.
+        """
+        is_kept = self._may_resume()
+        if is_kept:
+            self._switch_servo(on=False)
+            self.end_homing()
         self._set(self._at.coil_hold, on=False)
-        self.switch_servo_on()
+        if is_kept:
+            self.switch_servo_on()
+        return is_kept
+
+    def _may_resume(self) -> bool:
+        motion = self.motion()
+        is_there = abs(motion.position - motion.target) <= _REST and self.is_taken() and not self.status().busy
+        return not is_there or self._modbus.read_coils(self._at.coil_set_up, 1)[0]
 
     def switch_servo_on(self) -> None:
         """Switch the servo on and wait for it; raises DeviceFaultError after 2 s."""

@@ -10,8 +10,14 @@ from drivers.link import Link
 from drivers.reply_text import number, unusable, whole_number
 
 LEAST_SENSITIVE = 26
-_SETTLING_TIME_CONSTANTS = (5, 7, 9, 10)  # to 99 %, for slopes of 6, 12, 18 and 24 dB an octave
-_SLOWEST = 19
+TIME_CONSTANTS_S = tuple(float(f"{digit}e{power}") for power in range(-5, 5) for digit in (1, 3))
+"""10 us, 30 us, 100 us ... 30 ks."""
+
+SLOPES_DB = (6, 12, 18, 24)
+# Until all but 1e-4 of a step has passed, for each slope: exp(-n) (1 + n + n^2/2 ...) with as many terms as there are
+# stages. To 99 % it takes 5 to 10, but then the light of the last slot would be seen in every reading.
+_SETTLING_TIME_CONSTANTS = (9.3, 11.8, 14.0, 16.0)
+_EXTERNAL, _INTERNAL = 0, 1
 _ANSWERS_TO_SERIAL_PORT = "OUTX 0"
 _SAMPLE = "SNAP? 3,4,9"
 
@@ -26,11 +32,31 @@ class Sample:
 
 
 @dataclass(frozen=True)
-class OutputFilter:
-    """The low-pass filter behind the demodulator: its time constant, and how many of them a step takes to 99 %."""
+class Settings:
+    """What readings hang on.
+
+    Parameters
+    ----------
+    time_constant_s : float
+        Of the low-pass filter behind the demodulator: one of `TIME_CONSTANTS_S`.
+    slope_db : int
+        Its slope, in dB an octave: one of `SLOPES_DB`.
+    follows_chopper : bool
+        Whether the reference is the external one.
+    """
 
     time_constant_s: float
-    settling_time_constants: int
+    slope_db: int
+    follows_chopper: bool = True
+
+    def __str__(self) -> str:
+        reference = "external" if self.follows_chopper else "internal"
+        return f"time constant {self.time_constant_s:g} s, slope {self.slope_db} dB, {reference} reference"
+
+    @property
+    def settling_s(self) -> float:
+        """How long the output takes to follow the light, to 1e-4 of a step."""
+        return _SETTLING_TIME_CONSTANTS[SLOPES_DB.index(self.slope_db)] * self.time_constant_s
 
 
 class Condition(Flag):
@@ -61,11 +87,6 @@ def parse_condition(device: str, answer: str) -> Condition:
     return Condition(flags & 0x7F)
 
 
-def time_constant_s(index: int) -> float:
-    """Return the time constant with this index: 10 us, 30 us, 100 us ... 30 ks."""
-    return float(f"{3 if index % 2 else 1}e{index // 2 - 5}")
-
-
 class Sr830LockIn:
     """A lock-in amplifier SR830 or SR810 on RS-232.
 
@@ -92,12 +113,25 @@ class Sr830LockIn:
         """Have the answers sent to this port, and the identity proven before the next question."""
         self._dialogue.begin()
 
-    def output_filter(self) -> OutputFilter:
-        """Ask for the time constant and the slope of the output filter."""
-        return OutputFilter(
-            time_constant_s(self._index("OFLT?", _SLOWEST)),
-            _SETTLING_TIME_CONSTANTS[self._index("OFSL?", len(_SETTLING_TIME_CONSTANTS) - 1)],
+    def settings(self) -> Settings:
+        """Ask for the output filter and the reference."""
+        return Settings(
+            TIME_CONSTANTS_S[self._index("OFLT?", len(TIME_CONSTANTS_S) - 1)],
+            SLOPES_DB[self._index("OFSL?", len(SLOPES_DB) - 1)],
+            self._index("FMOD?", 1) == _EXTERNAL,
         )
+
+    def set(self, wanted: Settings) -> None:
+        """Set what differs; raises ReplyError when the lock-in holds something else afterwards."""
+        held = self.settings()
+        if held.time_constant_s != wanted.time_constant_s:
+            self._dialogue.tell(f"OFLT {TIME_CONSTANTS_S.index(wanted.time_constant_s)}")
+        if held.slope_db != wanted.slope_db:
+            self._dialogue.tell(f"OFSL {SLOPES_DB.index(wanted.slope_db)}")
+        if held.follows_chopper != wanted.follows_chopper:
+            self._dialogue.tell(f"FMOD {_EXTERNAL if wanted.follows_chopper else _INTERNAL}")
+        if held != wanted and (held := self.settings()) != wanted:
+            raise unusable(self._name, "OFLT?, OFSL? and FMOD?", str(held), f"what was just set ({wanted})")
 
     def sensitivity(self) -> int:
         """Ask for the index of the full scale, 0 (2 nV) to 26 (1 V)."""

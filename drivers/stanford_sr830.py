@@ -8,12 +8,13 @@ from enum import Enum, auto
 
 from drivers.clock import Clock
 from drivers.link import Link
-from drivers.sr830_lock_in import LEAST_SENSITIVE, Condition, Sr830LockIn
+from drivers.sr830_lock_in import LEAST_SENSITIVE, Condition, Settings, Sr830LockIn
 from goniometer.errors import DeviceFaultError, LimitError, ReplyError
 
 _SATURATED = Condition.INPUT_OVERLOAD | Condition.FILTER_OVERLOAD | Condition.OUTPUT_OVERLOAD
 _DISTURBED = Condition.UNLOCKED | Condition.TIME_CONSTANT_CHANGED
 _ROUNDING = 1 - 1e-9
+_BRIGHT = 20.0  # of the noise: such light is seen in the lock-in's phase to 3 degrees
 
 
 class _Doing(Enum):
@@ -27,7 +28,8 @@ class StanfordSr830:
 
     A reading waits until the output filter has followed the light, and then averages, as complex numbers, one sample
     for each time constant of the exposure: samples closer together repeat each other, and the mean of magnitudes alone
-    would be too large where there is little light.
+    would be too large where there is little light. For the same reason a reading of little light is what is in phase
+    with the plenty that was seen last; it may be below zero.
 
     Parameters
     ----------
@@ -39,6 +41,10 @@ class StanfordSr830:
         The device's name in the rig file.
     responsivity_v_per_w : float
         Volts (rms) at the lock-in's input for each watt on the photodiode.
+    noise_w : float
+        Standard deviation of the noise of one sample, in W; light of twenty times as much tells the phase.
+    settings : Settings
+        Output filter and reference that the lock-in is given, and must keep.
     raises_sensitivity : bool
         Whether a reading that overloads the output is begun again at the next larger full scale.
 
@@ -49,21 +55,31 @@ class StanfordSr830:
     """
 
     def __init__(
-        self, link: Link, clock: Clock, *, name: str, responsivity_v_per_w: float, raises_sensitivity: bool = False
+        self,
+        link: Link,
+        clock: Clock,
+        *,
+        name: str,
+        responsivity_v_per_w: float,
+        noise_w: float,
+        settings: Settings,
+        raises_sensitivity: bool = False,
     ) -> None:
         self.name = name
         self.reference_hz = 0.0
         self._link, self._clock = link, clock
         self._lock_in = Sr830LockIn(link, name=name)
         self._responsivity_v_per_w, self._raises_sensitivity = responsivity_v_per_w, raises_sensitivity
+        self._settings, self._bright_v = settings, _BRIGHT * noise_w * responsivity_v_per_w
+        self._light_v = complex(0.0)
         self._doing = _Doing.NOTHING
-        self._exposure_s = self._time_constant_s = self._begun_s = self._next_s = 0.0
+        self._exposure_s = self._begun_s = self._next_s = 0.0
         self._samples_v: list[complex] = []
         self._trouble = Condition(0)
         link.on_reopen(self._forget)
 
     def connect(self) -> tuple[str, ...]:
-        """Check that an SR830 or SR810 answers on this port; sets nothing else.
+        """Check that an SR830 or SR810 answers on this port; set its output filter and its reference.
 
         Returns
         -------
@@ -71,7 +87,9 @@ class StanfordSr830:
             Overloads and losses of the reference that the lock-in remembers from earlier use.
         """
         self._lock_in.begin()
-        return tuple(_words(self._lock_in.condition() & (_SATURATED | Condition.UNLOCKED)))
+        left_over = self._lock_in.condition() & (_SATURATED | Condition.UNLOCKED)
+        self._lock_in.set(self._settings)
+        return tuple(_words(left_over))
 
     def start_reading(self, exposure_s: float) -> None:
         """Begin a reading, whose samples will be taken over `exposure_s`, once the output filter has settled.
@@ -80,6 +98,8 @@ class StanfordSr830:
         ------
         LimitError
             When the exposure is no positive number; nothing is sent.
+        DeviceFaultError
+            When filter or reference are no longer those that were set.
         """
         if not 0 < exposure_s < math.inf:
             raise LimitError(
@@ -124,7 +144,7 @@ class StanfordSr830:
             )
         if self._trouble:
             raise self._spoilt()
-        return abs(sum(self._samples_v)) / len(self._samples_v) / self._responsivity_v_per_w
+        return self._signed_v() / self._responsivity_v_per_w
 
     def reconnect(self) -> None:
         """Open the port afresh, once; a reading that was being taken is given up. Raises NotConnectedError."""
@@ -138,9 +158,14 @@ class StanfordSr830:
         self._forget()
         begun_s = self._clock.now()
         self._lock_in.condition()  # what happened before this reading is no fault of it
-        output = self._lock_in.output_filter()
-        self._time_constant_s = output.time_constant_s
-        self._next_s = begun_s + output.settling_time_constants * output.time_constant_s
+        if (held := self._lock_in.settings()) != self._settings:
+            raise DeviceFaultError(
+                self.name,
+                f"the lock-in was reset, or set otherwise at its front panel: {held}; the rig says {self._settings}",
+                not_done="the reading was not begun",
+                to_do="leave the front panel alone during a scan, check its power supply, and run the recipe again",
+            )
+        self._next_s = begun_s + held.settling_s
         self._doing = _Doing.SETTLING
 
     def _begin_averaging(self) -> None:
@@ -154,7 +179,7 @@ class StanfordSr830:
         self._samples_v.append(cmath.rect(sample.magnitude_v, math.radians(sample.phase_deg)))
         self.reference_hz = sample.reference_hz
         end_s = self._begun_s + self._exposure_s
-        self._next_s = max(min(self._next_s + self._time_constant_s, end_s), self._clock.now())
+        self._next_s = max(min(self._next_s + self._settings.time_constant_s, end_s), self._clock.now())
 
     def _finish(self) -> bool:
         """Judge the reading; True when it was begun again."""
@@ -167,6 +192,14 @@ class StanfordSr830:
                 return True
         self._doing = _Doing.NOTHING
         return False
+
+    def _signed_v(self) -> float:
+        mean_v = sum(self._samples_v) / len(self._samples_v)
+        if abs(mean_v) >= self._bright_v:
+            self._light_v = mean_v
+        if self._light_v in (0.0, mean_v):
+            return abs(mean_v)
+        return (mean_v * self._light_v.conjugate()).real / abs(self._light_v)
 
     def _forget(self) -> None:
         self._doing, self._samples_v, self._trouble = _Doing.NOTHING, [], Condition(0)

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from drivers.elliptec_bus import ElliptecBus
-from drivers.elliptec_exchange import Exchange
-from drivers.elliptec_packets import Packet, hex_pulses, identity_of, status_text
+from drivers.elliptec_module import ElliptecModule
+from drivers.elliptec_packets import hex_pulses, identity_of
 from goniometer.errors import ConfigurationError, DeviceFaultError, LimitError
 
 _MODELS = {8: "ELL8", 14: "ELL14", 18: "ELL18"}
@@ -12,8 +12,9 @@ _TURN_DEG = 360
 _FULL_VELOCITY_DEG_S = 430.0
 _CLOCKWISE = "0"
 _FARTHEST_PULSES = 2**31 - 1
-# A jog step that nobody would choose. A module that was switched off has forgotten it, and with it its zero.
-_MARK = hex_pulses(1127)
+# Jog steps that nobody would choose: set once the module is homed, and while it is not. A module that was switched off
+# has forgotten its jog step, and with it its zero.
+_HOMED, _NOT_HOMED = hex_pulses(1127), hex_pulses(1126)
 
 
 class ElliptecRotator:
@@ -44,7 +45,7 @@ class ElliptecRotator:
         self, bus: ElliptecBus, address: int, *, name: str, velocity_deg_s: float, acceleration_deg_s2: float
     ) -> None:
         self.name, self.velocity_deg_s, self.acceleration_deg_s2 = name, velocity_deg_s, acceleration_deg_s2
-        self._bus, self._address = bus, address
+        self._module, self._address = ElliptecModule(bus, address, name), address
         self._percent = round(100 * velocity_deg_s / _FULL_VELOCITY_DEG_S)
         if not 1 <= self._percent <= 100:
             raise ConfigurationError(
@@ -54,8 +55,7 @@ class ElliptecRotator:
                 ]
             )
         self._pulses_per_turn = 0
-        self._was_homed = False
-        self._under_way: tuple[Exchange, ...] = ()
+        self._knows_home = self._is_homing = False
 
     def connect(self) -> tuple[str, ...]:
         """Check that the module is a rotator, read its pulses in a turn, and set its velocity; moves nothing.
@@ -70,7 +70,7 @@ class ElliptecRotator:
         DeviceFaultError
             When the module is no rotator, or does not take the velocity.
         """
-        identity = identity_of(self._bus.query(self.name, self._address, "in"))
+        identity = identity_of(self._module.query("in"))
         if identity.model not in _MODELS or identity.travel != _TURN_DEG or not identity.pulses:
             raise DeviceFaultError(
                 self.name,
@@ -80,9 +80,9 @@ class ElliptecRotator:
                 to_do="check the address in the rig file",
             )
         self._pulses_per_turn = identity.pulses
-        left_over = self._query("gs").unsigned
-        self._query("sv", f"{self._percent:02X}")
-        percent = self._query("gv").unsigned
+        left_over = self._module.left_over()
+        self._module.query("sv", f"{self._percent:02X}")
+        percent = self._module.query("gv").unsigned
         if percent != self._percent:
             raise DeviceFaultError(
                 self.name,
@@ -90,18 +90,18 @@ class ElliptecRotator:
                 not_done="the module was not set up",
                 to_do="change velocity_deg_s in the rig file",
             )
-        return (status_text(left_over),) if left_over else ()
+        return left_over
 
     def is_homed(self) -> bool:
-        """Whether this driver has homed the module, and the module was not switched off since."""
-        return self._was_homed and self._query("gj").data == _MARK
+        """Whether the module was homed by this driver, at whatever time, and was not switched off since."""
+        self._knows_home = self._module.query("gj").data == _HOMED
+        return self._knows_home
 
     def start_homing(self) -> None:
-        """Begin to search the home position."""
-        self._refuse_in_motion("the homing")
-        self._was_homed = False
-        # begun together, so that no other module's motion comes between
-        self._under_way = self._begin("ho", _CLOCKWISE), self._begin("sj", _MARK)
+        """Begin to search the home position; raises DeviceFaultError when the module still moves."""
+        self._module.refuse_in_motion("the homing")
+        self._knows_home, self._is_homing = False, True
+        self._module.begin(("sj", _NOT_HOMED), ("ho", _CLOCKWISE))
 
     def start_move(self, target_deg: float) -> None:
         """Begin to move to `target_deg`; the packet is sent once the bus is free and has been silent for 0.1 s.
@@ -113,7 +113,6 @@ class ElliptecRotator:
         DeviceFaultError
             When the module still moves.
         """
-        motion = f"the move to {target_deg:g} degrees"
         pulses = round(target_deg / _TURN_DEG * self._pulses_per_turn)
         if abs(pulses) > _FARTHEST_PULSES:
             raise LimitError(
@@ -122,8 +121,10 @@ class ElliptecRotator:
                 not_done="the move was refused and nothing was sent",
                 to_do="change the angle in the recipe",
             )
-        self._refuse_in_motion(motion)
-        self._under_way = (self._begin("ma", hex_pulses(pulses)),)
+        self._module.refuse_in_motion(f"the move to {target_deg:g} degrees")
+        self._is_homing = False
+        # a module that was switched off on the way, or just before, has gone to the angle of another zero
+        self._module.begin(("ma", hex_pulses(pulses)), *[("gj", "")] * self._knows_home)
 
     def is_moving(self) -> bool:
         """Whether the module's answer, which ends a motion, is still to come.
@@ -131,49 +132,38 @@ class ElliptecRotator:
         Raises
         ------
         DeviceFaultError
-            When it says that the motion has failed.
+            When it says that the motion has failed, or has lost its home position.
         ReplyTimeoutError
             When it does not come.
         """
-        if not self._under_way:
-            return False
-        self._bus.pump()
-        if not all(exchange.is_over for exchange in self._under_way):
+        answers = self._module.answers()
+        if answers is None:
             return True
-        ended, self._under_way = self._under_way, ()
-        for exchange in ended:
-            exchange.answer()
-        self._was_homed |= ended[0].letters == "ho"
+        if answers and self._is_homing:
+            self._module.query("sj", _HOMED)
+            self._is_homing = False
+        elif answers and self._knows_home and answers[-1].data != _HOMED:
+            raise DeviceFaultError(
+                self.name,
+                "the module has lost its home position: it was switched off or reset",
+                not_done="the last motion has led elsewhere",
+                to_do="check its power supply, then home it again",
+            )
         return False
 
     def position_deg(self) -> float:
         """Where the module says it is; waits until the bus is free."""
-        return self._query("gp").pulses * _TURN_DEG / self._pulses_per_turn
+        return self._module.query("gp").pulses * _TURN_DEG / self._pulses_per_turn
 
     def stop(self) -> None:
-        """Stop, and drop a move that was not sent yet; returns when the module has answered."""
-        self._under_way = ()
-        self._bus.stop(self.name, self._address)
+        """Drop a move that was not sent yet; one under way ends by itself, which `is_moving` tells."""
+        self._is_homing = False
+        self._module.stop()
 
     def reconnect(self) -> None:
         """Open the bus' port afresh; raises NotConnectedError."""
-        self._bus.reconnect()
+        self._module.reconnect()
 
     def close(self) -> None:
         """Close the bus' port."""
-        self._bus.close()
-
-    def _begin(self, letters: str, data: str) -> Exchange:
-        return self._bus.start(Exchange(self.name, self._address, letters, data))
-
-    def _query(self, letters: str, data: str = "") -> Packet:
-        return self._bus.query(self.name, self._address, letters, data)
-
-    def _refuse_in_motion(self, not_done: str) -> None:
-        if self.is_moving():
-            raise DeviceFaultError(
-                self.name,
-                "the module has not ended its last motion",
-                not_done=not_done,
-                to_do="wait until it has, or stop it",
-            )
+        self._module.close()

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from drivers.elliptec_bus import ElliptecBus
-from drivers.elliptec_exchange import Exchange
+from drivers.elliptec_module import ElliptecModule
 from drivers.elliptec_packets import Packet, identity_of
 from goniometer.errors import DeviceFaultError, LimitError, PositionError
 
@@ -31,13 +31,23 @@ class ElliptecSlider:
 
     def __init__(self, bus: ElliptecBus, address: int, *, name: str, slots: int, settle_s: float) -> None:
         self.name, self.slots, self.settle_s = name, slots, settle_s
-        self._bus, self._address = bus, address
+        self._module, self._address = ElliptecModule(bus, address, name), address
         self._target = self._next = 0
-        self._step: Exchange | None = None
 
-    def connect(self) -> None:
-        """Check that the module is a slider with these slots; moves nothing. Raises DeviceFaultError otherwise."""
-        model = identity_of(self._bus.query(self.name, self._address, "in")).model
+    def connect(self) -> tuple[str, ...]:
+        """Check that the module is a slider with these slots; moves nothing.
+
+        Returns
+        -------
+        tuple of str
+            The error that was left in the module from earlier use.
+
+        Raises
+        ------
+        DeviceFaultError
+            When it is another module.
+        """
+        model = identity_of(self._module.query("in")).model
         if _SLOTS.get(model) != self.slots:
             raise DeviceFaultError(
                 self.name,
@@ -45,6 +55,7 @@ class ElliptecSlider:
                 not_done="nothing was moved",
                 to_do="check the address and the slots in the rig file",
             )
+        return self._module.left_over()
 
     def start_select(self, slot: int) -> None:
         """Begin to bring a slot into the beam.
@@ -55,6 +66,8 @@ class ElliptecSlider:
             For a slot that the slider has not; nothing is sent.
         PositionError
             When it stands between two slots; nothing is moved.
+        DeviceFaultError
+            When it still moves.
         """
         if not 1 <= slot <= self.slots:
             raise LimitError(
@@ -63,8 +76,17 @@ class ElliptecSlider:
                 not_done="the move was refused and nothing was sent",
                 to_do="correct the slot in the rig file",
             )
-        self._target, self._step = slot, None
-        self._start_step(self.slot())
+        self._module.refuse_in_motion(f"the step to slot {slot}")
+        here = self.slot()
+        if here is None:
+            raise PositionError(
+                self.name,
+                "the slider stands between its slots",
+                not_done=f"slot {slot} is not in the beam",
+                to_do="move the slider by its buttons to one of its slots",
+            )
+        self._target = slot
+        self._start_step(here)
 
     def is_moving(self) -> bool:
         """Whether the slot is still on its way.
@@ -78,50 +100,41 @@ class ElliptecSlider:
         PositionError
             When a step has led elsewhere.
         """
-        if self._step is None:
-            return False
-        self._bus.pump()
-        if not self._step.is_over:
-            return True
-        step, self._step = self._step, None
-        answer = step.answer()
-        reached = self._slot_at(answer) if answer.kind == "PO" else self.slot()
+        answers = self._module.answers()
+        if not answers:
+            return answers is None
+        reached = self._slot_at(answers[0]) if answers[0].kind == "PO" else self.slot()
         if reached != self._next:
             raise PositionError(
                 self.name,
-                f"the slider was sent to slot {self._next} but stands at slot {reached}",
+                f"the slider was sent to slot {self._next} but stands at {f'slot {reached}' if reached else 'none'}",
                 not_done=f"slot {self._target} is not in the beam",
                 to_do="check that nobody moved the slider by its buttons and that it moves freely",
             )
-        self._start_step(reached)
-        return self._step is not None
+        return self._start_step(reached)
 
-    def slot(self) -> int:
-        """Which slot the slider says is in the beam; waits until the bus is free, raises PositionError for none."""
-        return self._slot_at(self._bus.query(self.name, self._address, "gp"))
+    def slot(self) -> int | None:
+        """Which slot the slider says is in the beam, or None; waits until the bus is free."""
+        return self._slot_at(self._module.query("gp"))
 
     def stop(self) -> None:
-        """Stop, and begin no further step; returns when the slider has answered."""
-        self._step = None
-        self._bus.stop(self.name, self._address)
+        """Begin no further step; one under way ends by itself, which `is_moving` tells."""
+        self._module.stop()
 
     def close(self) -> None:
         """Close the bus' port."""
-        self._bus.close()
+        self._module.close()
 
-    def _start_step(self, here: int) -> None:
-        if here != self._target:
-            forward = self._target > here
-            self._next = here + (1 if forward else -1)
-            self._step = self._bus.start(Exchange(self.name, self._address, "fw" if forward else "bw"))
+    def _start_step(self, here: int) -> bool:
+        """Begin the next step; False when the slot is reached."""
+        if here == self._target:
+            return False
+        forward = self._target > here
+        self._next = here + (1 if forward else -1)
+        self._module.begin(("fw" if forward else "bw", ""))
+        return True
 
-    def _slot_at(self, position: Packet) -> int:
+    def _slot_at(self, position: Packet) -> int | None:
         slot = 1 + round(position.pulses / _PULSES_PER_SLOT)
-        if not 1 <= slot <= self.slots or abs(position.pulses - _PULSES_PER_SLOT * (slot - 1)) > _NEAR_PULSES:
-            raise PositionError(
-                self.name,
-                f"the slider stands at {position.pulses}, where it has no slot",
-                not_done="no slot is in the beam",
-                to_do="move the slider by its buttons to one of its slots",
-            )
-        return slot
+        is_there = abs(position.pulses - _PULSES_PER_SLOT * (slot - 1)) <= _NEAR_PULSES
+        return slot if is_there and 1 <= slot <= self.slots else None

@@ -9,6 +9,7 @@ from acquisition.engine import Bench
 from drivers.clock import Clock
 from drivers.interlock import Interlock
 from goniometer.rig_devices.connecting import Connecting
+from goniometer.rig_devices.entry import ROLES
 from goniometer.rig_file import Rig
 
 
@@ -46,6 +47,7 @@ def connected(rig: Rig, ports: Mapping[str, str], clock: Clock, wavelength_nm: f
             analyzer,
             detector,
             tuple(bench.notes),
-            Interlock(rig.zones, axes),
+            Interlock(rig.zones, {role: axes[role] for role in ROLES}),
             axes.get("polarizer"),
+            tuple(axes[role] for role, axis in rig.axes().items() if axis.home_at_start),
         )

@@ -11,7 +11,7 @@ from pydantic import Field, model_validator
 from acquisition.expand import Step, Target
 from acquisition.section import Section, SectionFault, refuse_all
 from drivers.collision_zones import ArmsTooClose, Box, Span, Zone, free_order
-from goniometer.rig_devices.entry import ROLES, Angle
+from goniometer.rig_devices.entry import ROLES, Angle, Role
 
 Range = Annotated[tuple[Angle, Angle], Field(strict=False)]
 
@@ -42,6 +42,12 @@ class ZoneEntry(Section):
         """The ranges that were given, by role."""
         ranges = {role: getattr(self, role) for role in ROLES}
         return {role: span for role, span in ranges.items() if span is not None}
+
+    def roles(self) -> tuple[Role, ...]:
+        """The axes that the zone is about."""
+        if self.arms_closer_than_deg is not None:
+            return "source_arm", "detector_arm"
+        return tuple(role for role in ROLES if role in self.ranges_deg())
 
     def zone(self) -> Zone:
         """The zone itself."""

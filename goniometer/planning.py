@@ -13,9 +13,10 @@ from acquisition.fit_points import surface_family
 from acquisition.recipe import Recipe
 from acquisition.reduce import NoiseModel, Radiometry, Reduction
 from acquisition.steering import Steering
-from acquisition.timing import BenchTiming
+from acquisition.timing import AxisTiming, BenchTiming
 from drivers.clock import Clock
 from goniometer.durations import clock_text
+from goniometer.rig_devices.entry import AxesEntry, Role
 from goniometer.rig_file import Rig
 
 
@@ -71,8 +72,18 @@ def slots(rig: Rig) -> Slots:
 
 def timing(rig: Rig) -> BenchTiming:
     """The speeds that the rig file states."""
-    axes = {role: axis.timing for role, axis in rig.axes().items()}
-    return BenchTiming(axes["source_arm"], axes["detector_arm"], axes["sample_azimuth"], rig.analyzer.timing, rig.zones)
+    axes: dict[Role, AxisTiming] = {}
+    for device in rig.devices.values():
+        if isinstance(device, AxesEntry):
+            axes |= device.timing()
+    return BenchTiming(
+        axes["source_arm"],
+        axes["detector_arm"],
+        axes["sample_azimuth"],
+        rig.analyzer.timing(axes),
+        rig.zones,
+        rig.detector.timing,
+    )
 
 
 def reduction(recipe: Recipe, rig: Rig) -> Reduction:

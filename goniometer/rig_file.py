@@ -42,14 +42,19 @@ class Rig(Section):
         return self
 
     def _role_faults(self) -> Iterator[SectionFault]:
-        holders: dict[Role, list[str]] = {role: [] for role in ROLES}
+        needed = (*ROLES, *(role for device in self.devices.values() for role in device.carried_by))
+        holders: dict[Role, list[str]] = {}
         for name, device in self.devices.items():
             if isinstance(device, AxesEntry):
                 for role in device.axes_by_role():
-                    holders[role].append(name)
+                    holders.setdefault(role, []).append(name)
+        for role in needed:
+            if role not in holders:
+                yield ("devices",), f"no device has the axis {role}; a bench needs {', '.join(needed)}, each once"
         for role, names in holders.items():
-            if not names:
-                yield ("devices",), f"no device has the axis {role}; a bench needs {', '.join(ROLES)}, each once"
+            for name in names:
+                if role not in needed:
+                    yield ("devices", name, "axes", role), "carries nothing; allowed: with driver: rotating_polarizer"
             for name in names[1:]:
                 yield ("devices", name, "axes", role), f"{names[0]} has the axis {role} too; allowed: each axis once"
 
@@ -80,8 +85,8 @@ class Rig(Section):
             elif neighbour != name and not self._share(device, self.devices[neighbour]):
                 yield (
                     ("devices", name, "port"),
-                    f"got '{device.port}', which {neighbour} uses too; allowed: one device a port, unless both are of "
-                    "one family and have addresses",
+                    f"got '{device.port}', which {neighbour} uses too; allowed: one device a port, unless both have "
+                    "addresses on a line of one kind, speed and parity",
                 )
         real = sorted(ports)
         for name, device in self.devices.items():
@@ -111,10 +116,17 @@ class Rig(Section):
                         ("collision_zones", number, role),
                         "wraps, so that its way is not known beforehand; allowed: axes with wraps: false",
                     )
+            for role in entry.roles():
+                if role in axes and axes[role].home_at_start:
+                    yield (
+                        ("collision_zones", number),
+                        f"leaves no safe way home for {role}: where it goes on that way is not known beforehand. Write "
+                        f"home_at_start: false, and before a scan: goniometer home --axis {role}",
+                    )
 
     @staticmethod
     def _share(one: DeviceEntry, other: DeviceEntry) -> bool:
-        return one.driver == other.driver and None not in (one.place, other.place)
+        return one.line == other.line and None not in (one.place, other.place)
 
     @property
     def zones(self) -> tuple[Zone, ...]:

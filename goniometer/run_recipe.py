@@ -150,6 +150,8 @@ def _scan(engine: Engine, bench: Bench, way: Course, clock: Clock, pipeline: Pip
 
     try:
         with stopped_afterwards(bench, clock):
+            engine.home()
+            start_s = clock.now()
             while steps := way.next(pipeline.points):
                 engine.run(steps)
                 pipeline.end_point()

@@ -23,7 +23,8 @@ class BenchReading:
     not_homed : tuple of str
         The axes whose position means nothing, because they do not know their zero.
     slot, holds : int, float or str
-        The slot in the beam, and what the rig file says is in it: a polarizer's angle in degrees, open, or blocked.
+        The slot in the beam, and what the rig file says is in it: a polarizer's angle in degrees, open, or blocked;
+        None where the analyzer stands at none of its slots.
     exposure_s : float
         Of one reading.
     readings_w : tuple of float
@@ -34,8 +35,8 @@ class BenchReading:
 
     positions_deg: dict[str, float]
     not_homed: tuple[str, ...]
-    slot: int
-    holds: Slot
+    slot: int | None
+    holds: Slot | None
     exposure_s: float
     readings_w: tuple[float, ...]
     power_w: float
@@ -46,8 +47,8 @@ class BenchReading:
             f"{role:<15}{position_deg:z10.4f}°{'  not homed: this position means nothing' * (role in self.not_homed)}"
             for role, position_deg in self.positions_deg.items()
         ]
-        holds = self.holds if isinstance(self.holds, str) else f"polarizer at {self.holds:g}°"
-        lines.append(f"{'slot':<15}{self.slot:10d}   {holds}")
+        holds = f"polarizer at {self.holds:g}°" if isinstance(self.holds, float) else self.holds or ""
+        lines.append(f"{'slot':<15}{self.slot or 'none':>10}   {holds}".rstrip())
         number = len(self.readings_w)
         about = f"one reading of {self.exposure_s:g} s"
         if self.stddev_w is not None:
@@ -77,7 +78,7 @@ def read(rig_path: Path, exposure_s: float, slot: int | None, count: int, note: 
             positions_deg={role: axis.position_deg() for role, axis in axes.items()},
             not_homed=tuple(role for role, axis in axes.items() if not axis.is_homed()),
             slot=in_beam,
-            holds=opened.rig.analyzer.contents()[in_beam],
+            holds=None if in_beam is None else opened.rig.analyzer.contents()[in_beam],
             exposure_s=exposure_s,
             readings_w=readings_w,
             power_w=statistics.fmean(readings_w),

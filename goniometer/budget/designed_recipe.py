@@ -9,12 +9,11 @@ import numpy as np
 
 from acquisition.fit_points import surface_family
 from acquisition.recipe import MAX_READINGS, Recipe
-from acquisition.timing import READING_S
 from goniometer.budget.assumed_sample import AssumedSample, shown
 from goniometer.budget.forecast import told_by_points
 from goniometer.budget.text import undetermined_text
 from goniometer.errors import ConfigurationError, FitError
-from goniometer.planning import plan
+from goniometer.planning import plan, timing
 from goniometer.rig_file import Rig
 from model.design.design import Criterion
 from model.design.information import prior_information, standard_errors
@@ -89,8 +88,7 @@ class _Sweeps:
         """The recipe that reads once in each direction."""
         upwards = [self._angles_deg[place] for place in places]
         either = [_measuring(self._recipe, order, 1) for order in (upwards, upwards[::-1])]
-        # upwards where both take the same but for rounding
-        return min(either, key=lambda one: round(sum(step.duration_s for step in plan(one, self._rig)), 6))
+        return min(either, key=lambda one: sum(step.duration_s for step in plan(one, self._rig)))
 
     def cost(self, places: Sequence[int]) -> tuple[float, FloatArray]:
         """Seconds for the visits, and for one more reading at each of the places."""
@@ -98,7 +96,7 @@ class _Sweeps:
         steps = plan(sweep, self._rig)
         slots = np.bincount([step.point for step in steps])
         in_order = slots if sweep.exit_angles_deg()[0] == self._angles_deg[places[0]] else slots[::-1]
-        reading_s = in_order * (self._recipe.exposure_s + READING_S)
+        reading_s = in_order * timing(self._rig).reading_s(self._recipe.exposure_s)
         return sum(step.duration_s for step in steps) - float(reading_s.sum()), np.asarray(reading_s, np.float64)
 
 

@@ -89,5 +89,5 @@ class Connecting:
         return shared
 
     def note(self, name: str, left_over: tuple[str, ...]) -> None:
-        """Keep the errors that a device held from earlier use."""
-        self.notes += [f"{name}: an error was left in its queue from earlier use: {error}" for error in left_over]
+        """Keep what a device held from earlier use, such as errors."""
+        self.notes += [f"{name}: left over from earlier use: {error}" for error in left_over]

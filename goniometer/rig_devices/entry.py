@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from typing import Annotated, ClassVar, Literal, Self
 
 from pydantic import Field, model_validator
 
 from acquisition.section import Section, SectionFault, refuse_all
-from acquisition.timing import AnalyzerTiming, AxisTiming
+from acquisition.timing import AnalyzerTiming, AxisTiming, DetectorTiming
 from drivers.axis import Travel
 from goniometer.port_address import Port
 from goniometer.rig_devices.connecting import Connecting
@@ -22,6 +23,8 @@ ROLES: tuple[Role, ...] = ("source_arm", "detector_arm", "sample_azimuth")
 
 Angle = Annotated[float, Field(ge=-360, le=360)]
 Slot = Angle | Literal["open", "blocked"]
+SlotTime = Annotated[float, Field(gt=0, le=10, description="time from one slot to its neighbour, in s")]
+SettleTime = Annotated[float, Field(ge=0, le=60, description="wait after the analyzer has arrived, in s")]
 
 
 class DeviceEntry(Section, ABC):
@@ -39,6 +42,16 @@ class DeviceEntry(Section, ABC):
     def place(self) -> str | None:
         """Its address where several devices share the port; None for a device that needs a port of its own."""
         return None
+
+    @property
+    def line(self) -> str:
+        """What devices that share a port must have in common: the line's protocol, and how its port is set up."""
+        return self.driver
+
+    @property
+    def carried_by(self) -> tuple[Role, ...]:
+        """Axes of other devices that carry it; none for a device that turns by itself, or not at all."""
+        return ()
 
     @abstractmethod
     def connect(self, name: str, bench: Connecting) -> None:
@@ -67,6 +80,11 @@ class AxisEntry(Section):
     )
     wraps: bool = Field(
         default=False, description="whether the stage may turn for ever, so that the axis takes the shorter way round"
+    )
+    home_at_start: bool = Field(
+        default=False,
+        description="whether every scan first searches the home position, for stages that forget it; the axis may turn "
+        "all the way round",
     )
 
     @model_validator(mode="after")
@@ -97,7 +115,7 @@ class AxisEntry(Section):
 
     @property
     def timing(self) -> AxisTiming:
-        """How long it moves."""
+        """How long its stage moves, one way."""
         return AxisTiming(self.velocity_deg_s, self.acceleration_deg_s2, self.settle_s)
 
 
@@ -105,10 +123,22 @@ class AxesEntry(DeviceEntry):
     """A controller of one or more axes."""
 
     part: ClassVar[str] = "axes"
+    exchange_s: ClassVar[float] = 0.01
+    """Time of a question and its answer, for planning."""
+
+    start_s: ClassVar[float] = 0.03
+    """Time of a move that is neither motion nor the settling that the rig file states, for planning."""
 
     @abstractmethod
     def axes_by_role(self) -> Mapping[Role, AxisEntry]:
         """Its axes."""
+
+    def timing(self) -> dict[Role, AxisTiming]:
+        """How long moves of its axes take, by role, with all that belongs to them."""
+        return {
+            role: replace(axis.timing, exchange_s=self.exchange_s, start_s=self.start_s, backlash_deg=axis.backlash_deg)
+            for role, axis in self.axes_by_role().items()
+        }
 
 
 class AnalyzerEntry(DeviceEntry):
@@ -122,16 +152,14 @@ class AnalyzerEntry(DeviceEntry):
         le=180,
         description="added to every polarizer angle: the analyzer's zero, from the s-direction, in degrees",
     )
-    settle_s: float = Field(ge=0, le=60, description="wait after the analyzer has arrived, in s")
 
     @abstractmethod
     def contents(self) -> Mapping[int, Slot]:
         """What each slot holds: a polarizer's angle in degrees, open, or blocked."""
 
-    @property
     @abstractmethod
-    def timing(self) -> AnalyzerTiming:
-        """How long it takes from one slot to another."""
+    def timing(self, axes: Mapping[Role, AxisTiming]) -> AnalyzerTiming:
+        """How long it takes from one slot to another, given the timing of the bench's axes."""
 
 
 class NoiseEntry(Section):
@@ -153,6 +181,11 @@ class DetectorEntry(DeviceEntry):
     @abstractmethod
     def most_samples(self) -> int:
         """Samples that one reading averages at most."""
+
+    @property
+    def timing(self) -> DetectorTiming:
+        """How long a reading takes."""
+        return DetectorTiming()
 
 
 def angle_faults(slots: Mapping[int, Slot]) -> Iterator[SectionFault]:

@@ -42,6 +42,9 @@ class NewportEsp301Entry(AxesEntry):
         )
         return self
 
+    exchange_s = 0.008
+    start_s = 0.026
+
     def axes_by_role(self) -> Mapping[Role, AxisEntry]:
         """Its axes."""
         return self.axes

@@ -37,6 +37,9 @@ class OrientalAzEntry(AxesEntry):
     )
     axes: dict[Role, OrientalAzAxis] = Field(min_length=1, max_length=1, description="the drive's axis, by role")
 
+    exchange_s = 0.003
+    start_s = 0.016
+
     def axes_by_role(self) -> Mapping[Role, AxisEntry]:
         """Its axis."""
         return self.axes
@@ -45,6 +48,11 @@ class OrientalAzEntry(AxesEntry):
     def place(self) -> str | None:
         """Its address on the line."""
         return f"unit {self.unit}"
+
+    @property
+    def line(self) -> str:
+        """Modbus, of whatever make, at one speed and parity."""
+        return f"Modbus at {self.baudrate} baud, parity {self.parity}"
 
     def connect(self, name: str, bench: Connecting) -> None:
         """Connect the drive."""

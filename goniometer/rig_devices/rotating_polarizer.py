@@ -11,7 +11,9 @@ from acquisition.section import SectionFault, refuse_all
 from acquisition.timing import AnalyzerTiming, AxisTiming, RotatorTiming
 from drivers.rotating_analyzer import RotatingAnalyzer, SlotAngles
 from goniometer.rig_devices.connecting import Connecting
-from goniometer.rig_devices.entry import AnalyzerEntry, Angle, Slot, angle_faults
+from goniometer.rig_devices.entry import AnalyzerEntry, Angle, Role, Slot, angle_faults
+
+_CARRIER: Role = "polarizer"
 
 
 class RotatingPolarizerEntry(AnalyzerEntry):
@@ -19,8 +21,6 @@ class RotatingPolarizerEntry(AnalyzerEntry):
 
     driver: Literal["rotating_polarizer"] = Field(description="the analyzer's kind")
     port: str = Field(default="", max_length=0, description="left out: the rotator has the port")
-    velocity_deg_s: float = Field(gt=0, le=1000, description="of the rotator, for planning, in degrees per second")
-    acceleration_deg_s2: float = Field(gt=0, le=10000, description="of the rotator, for planning")
     slots: dict[Annotated[int, Field(ge=1, le=64)], Angle] = Field(
         min_length=3, description="the angles that are used, in degrees, each under a number of your choice"
     )
@@ -33,16 +33,20 @@ class RotatingPolarizerEntry(AnalyzerEntry):
     def _slot_faults(self) -> Iterator[SectionFault]:
         yield from angle_faults(self.slots)
 
+    @property
+    def carried_by(self) -> tuple[Role, ...]:
+        """The rotator."""
+        return (_CARRIER,)
+
     def contents(self) -> Mapping[int, Slot]:
         """The angles."""
         return self.slots
 
-    @property
-    def timing(self) -> AnalyzerTiming:
+    def timing(self, axes: Mapping[Role, AxisTiming]) -> AnalyzerTiming:
         """The rotator goes from angle to angle."""
-        return RotatorTiming(self.slots, AxisTiming(self.velocity_deg_s, self.acceleration_deg_s2, self.settle_s))
+        return RotatorTiming(self.slots, axes[_CARRIER])
 
     def connect(self, name: str, bench: Connecting) -> None:
         """Take the rotator, which is connected already."""
         slots = {slot: SlotAngles(angle_deg) for slot, angle_deg in self.slots.items()}
-        bench.analyzers[name] = RotatingAnalyzer(bench.axes["polarizer"], name=name, slots=slots)
+        bench.analyzers[name] = RotatingAnalyzer(bench.axes[_CARRIER], name=name, slots=slots)

@@ -34,6 +34,14 @@ class SmcLecEntry(AxesEntry):
         """Its address on the line."""
         return f"unit {self.unit}"
 
+    @property
+    def line(self) -> str:
+        """Modbus, of whatever make, at one speed and parity."""
+        return f"Modbus at {self.baudrate} baud, parity none"
+
+    exchange_s = 0.011
+    start_s = 0.065
+
     def axes_by_role(self) -> Mapping[Role, AxisEntry]:
         """Its axis."""
         return self.axes

@@ -41,6 +41,9 @@ class ThorlabsAptEntry(AxesEntry):
         )
         return self
 
+    exchange_s = 0.005
+    start_s = 0.014
+
     def axes_by_role(self) -> Mapping[Role, AxisEntry]:
         """Its axes."""
         return self.axes

@@ -8,17 +8,35 @@ from typing import Annotated, Literal, Self
 from pydantic import Field, model_validator
 
 from acquisition.section import SectionFault, refuse_all
-from acquisition.timing import AnalyzerTiming, SliderTiming
+from acquisition.timing import AnalyzerTiming, AxisTiming, SliderTiming
 from drivers.axis import Axis
 from drivers.elliptec_bus import ElliptecBus
 from drivers.thorlabs_elliptec import ElliptecRotator
 from drivers.thorlabs_elliptec_slider import ElliptecSlider
 from goniometer.rig_devices.connecting import Connecting
-from goniometer.rig_devices.entry import AnalyzerEntry, AxesEntry, AxisEntry, Role, Slot, angle_faults
+from goniometer.rig_devices.entry import (
+    AnalyzerEntry,
+    AxesEntry,
+    AxisEntry,
+    Role,
+    SettleTime,
+    Slot,
+    SlotTime,
+    angle_faults,
+)
 from sim_devices.bench_devices.entry import SimulatedDevice
 from sim_devices.bench_devices.thorlabs_elliptec import ThorlabsElliptecDevice, ThorlabsElliptecSliderDevice
 
 Address = Annotated[str, Field(pattern="^[0-9A-F]$", description="the module's address, one hexadecimal digit")]
+
+_LINE = "elliptec"
+_EXCHANGE_S = 0.019
+"""A question of 3 characters and an answer of 13, at 9600 baud."""
+
+_PAUSE_S = 0.1
+"""A module is left alone for so long before it is told to move."""
+
+_STEP_S = _PAUSE_S + 2 * _EXCHANGE_S
 
 
 def bus_of(name: str, bench: Connecting) -> ElliptecBus:
@@ -33,10 +51,19 @@ class ThorlabsElliptecEntry(AxesEntry):
     address: Address = "0"
     axes: dict[Role, AxisEntry] = Field(min_length=1, max_length=1, description="what it turns, by role")
 
+    exchange_s = _EXCHANGE_S
+    # besides the pause: whether it is homed before and after, where it is, the move's own packets, and its own settling
+    start_s = _PAUSE_S + 4 * _EXCHANGE_S + 0.08
+
     @property
     def place(self) -> str | None:
         """Its address on the line."""
         return f"address {self.address}"
+
+    @property
+    def line(self) -> str:
+        """The bus, for modules of all kinds."""
+        return _LINE
 
     def axes_by_role(self) -> Mapping[Role, AxisEntry]:
         """Its axis."""
@@ -72,7 +99,8 @@ class ThorlabsElliptecSliderEntry(AnalyzerEntry):
     slots: dict[Annotated[int, Field(ge=1, le=4)], Slot] = Field(
         description="what each of the 2 or 4 slots holds: a polarizer's angle in degrees, open, or blocked"
     )
-    slot_s: float = Field(gt=0, le=10, description="time from one slot to its neighbour, in s")
+    slot_s: SlotTime
+    settle_s: SettleTime
 
     @model_validator(mode="after")
     def _check_slots(self) -> Self:
@@ -89,21 +117,25 @@ class ThorlabsElliptecSliderEntry(AnalyzerEntry):
         """Its address on the line."""
         return f"address {self.address}"
 
+    @property
+    def line(self) -> str:
+        """The bus, for modules of all kinds."""
+        return _LINE
+
     def contents(self) -> Mapping[int, Slot]:
         """What each slot holds."""
         return self.slots
 
-    @property
-    def timing(self) -> AnalyzerTiming:
+    def timing(self, axes: Mapping[Role, AxisTiming]) -> AnalyzerTiming:
         """A slider goes from slot to slot."""
-        return SliderTiming(self.slot_s, self.settle_s)
+        return SliderTiming(self.slot_s + _STEP_S, self.settle_s, _EXCHANGE_S)
 
     def connect(self, name: str, bench: Connecting) -> None:
         """Connect the module."""
         slider = ElliptecSlider(
             bus_of(name, bench), int(self.address, 16), name=name, slots=len(self.slots), settle_s=self.settle_s
         )
-        slider.connect()
+        bench.note(name, slider.connect())
         bench.analyzers[name] = slider
 
     def unlike(self, simulated: SimulatedDevice) -> Iterator[SectionFault]:

@@ -8,10 +8,10 @@ from typing import Annotated, Literal, Self
 from pydantic import Field, model_validator
 
 from acquisition.section import SectionFault, refuse_all
-from acquisition.timing import AnalyzerTiming, WheelTiming
+from acquisition.timing import AnalyzerTiming, AxisTiming, WheelTiming
 from drivers.thorlabs_fw102c import ThorlabsFw102c
 from goniometer.rig_devices.connecting import Connecting
-from goniometer.rig_devices.entry import AnalyzerEntry, Slot, angle_faults
+from goniometer.rig_devices.entry import AnalyzerEntry, Role, SettleTime, Slot, SlotTime, angle_faults
 from sim_devices.bench_devices.entry import SimulatedDevice
 from sim_devices.bench_devices.thorlabs_fw102c import ThorlabsFw102cDevice
 
@@ -29,7 +29,8 @@ class ThorlabsFw102cEntry(AnalyzerEntry):
     slots: dict[Annotated[int, Field(ge=1, le=12)], Slot] = Field(
         description="what each of the 6 or 12 slots holds: a polarizer's angle in degrees, open, or blocked"
     )
-    slot_s: float = Field(gt=0, le=10, description="time from one slot to its neighbour, in s")
+    slot_s: SlotTime
+    settle_s: SettleTime
 
     @model_validator(mode="after")
     def _check_slots(self) -> Self:
@@ -49,8 +50,7 @@ class ThorlabsFw102cEntry(AnalyzerEntry):
         """What each slot holds."""
         return self.slots
 
-    @property
-    def timing(self) -> AnalyzerTiming:
+    def timing(self, axes: Mapping[Role, AxisTiming]) -> AnalyzerTiming:
         """The wheel goes the shorter way round."""
         return WheelTiming(len(self.slots), self.slot_s, self.settle_s)
 

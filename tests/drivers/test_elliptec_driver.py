@@ -35,6 +35,7 @@ ANSWERS = {
     b"0gv": b"0GV64\r\n",
     b"0st": b"0GS00\r\n",
     b"0ho0": b"0PO00000000\r\n",
+    b"0sj00000466": b"0GS00\r\n",
     b"0sj00000467": b"0GS00\r\n",
     b"0gj": b"0GJ00000467\r\n",
 }
@@ -145,11 +146,18 @@ def ended(device, until):
     until(lambda: not device.is_moving())
 
 
+def arrive(device, clock):
+    give_up_s = time.monotonic() + 10
+    while device.is_moving():
+        assert time.monotonic() < give_up_s, "never arrives"
+        clock.time_s += 0.001
+
+
 MA_45 = b"0ma00004600"
 
 
 def test_connects_without_moving(rotator):
-    peer, rotator = rotator()
+    peer, rotator = rotator({b"0gj": b"0GJ00004600\r\n"})
     assert rotator.connect() == ()
     assert peer.commands == [b"0in", b"0gs", b"0sv64", b"0gv"]
     assert not rotator.is_homed()
@@ -232,7 +240,7 @@ def test_busy_is_not_the_end_of_a_move(rotator, clock, until, interim):
     rotator.connect()
     clock.time_s += 1
     rotator.start_move(45)
-    until(lambda: rotator.is_moving() and rotator._bus.unsolicited == 1)
+    until(lambda: rotator.is_moving() and rotator._module._bus.unsolicited == 1)
     assert rotator.is_moving()
     peer.say(b"0PO00004600\r\n")
     ended(rotator, until)
@@ -293,7 +301,7 @@ def test_late_end_of_a_move_is_not_taken_for_the_position(rotator, clock, proof)
     rotator.connect()
     peer._answers |= {packet: [answer] for packet, answer in late.items()}
     if proof == b"0i1":
-        next(rotator._bus._proofs)
+        next(rotator._module._bus._proofs)
     clock.time_s = 10.0
     rotator.start_move(45)
     clock.time_s = 15.0
@@ -321,25 +329,25 @@ def test_target_that_has_no_packet_is_refused_before_the_first_byte(rotator):
     assert peer.commands[-1] == b"0gv"
 
 
-def test_homing_leaves_a_mark_that_shows_whether_the_module_was_switched_off(rotator, clock, until):
+def test_homing_leaves_a_mark_that_shows_whether_the_module_was_switched_off(rotator, clock):
     peer, rotator = rotator({b"0gj": [b"0GJ00000467\r\n", b"0GJ00001180\r\n"]})
     rotator.connect()
     clock.time_s += 1
     rotator.start_homing()
-    ended(rotator, until)
-    assert peer.commands[-2:] == [b"0ho0", b"0sj00000467"]
+    arrive(rotator, clock)
+    assert peer.commands[-3:] == [b"0sj00000466", b"0ho0", b"0sj00000467"]
     assert rotator.is_homed()
     assert not rotator.is_homed()
 
 
-def test_failed_homing_leaves_the_module_without_a_home(rotator, clock, until):
-    _, rotator = rotator({b"0ho0": b"0GS0A\r\n"})
+def test_failed_homing_leaves_the_module_without_a_home(rotator, clock):
+    peer, rotator = rotator({b"0ho0": b"0GS0A\r\n", b"0gj": b"0GJ00000466\r\n"})
     rotator.connect()
-    clock.time_s += 1
     rotator.start_homing()
     with pytest.raises(DeviceFaultError, match="'0ho0' with status 10, sensor error"):
-        ended(rotator, until)
+        arrive(rotator, clock)
     assert not rotator.is_homed()
+    assert b"0sj00000467" not in peer.commands
 
 
 def test_stop_is_sent_at_once_and_what_comes_after_it_is_dropped(rotator, clock, until):
@@ -353,6 +361,52 @@ def test_stop_is_sent_at_once_and_what_comes_after_it_is_dropped(rotator, clock,
     assert peer.commands[-1] == b"0st"
     assert not rotator.is_moving()
     assert rotator.position_deg() == 0.0
+
+
+def test_move_that_a_stop_cannot_end_is_seen_to_its_end_and_no_other_is_begun_before(rotator, clock, until):
+    """A module that still moves says "busy" to the next move, and then where the last one ended: no answer to it."""
+    peer, rotator = rotator({MA_45: b"", b"0st": b"0GS09\r\n", b"0ma00000000": b"0PO00000000\r\n"})
+    rotator.connect()
+    clock.time_s += 1
+    rotator.start_move(45)
+    until(lambda: peer.commands[-1] == MA_45)
+    rotator.stop()
+    peer._answers |= {b"0gs": [b"0GS09\r\n"]}
+    for _ in range(3):
+        assert rotator.is_moving()
+    for start in (rotator.start_homing, lambda: rotator.start_move(0)):
+        with pytest.raises(DeviceFaultError, match="polarizer: the module has not ended its last motion"):
+            start()
+    peer._answers |= {b"0gs": [b"0GS00\r\n"]}
+    ended(rotator, until)
+    clock.time_s += 1
+    rotator.start_move(0)
+    ended(rotator, until)
+    assert peer.commands[-1] == b"0ma00000000"
+
+
+def test_module_that_another_program_has_left_in_motion_is_waited_for(rotator):
+    peer, rotator = rotator({b"0gs": [b"0GS09\r\n", b"0GS09\r\n", b"0GS02\r\n"]})
+    assert rotator.connect() == ()
+    with pytest.raises(DeviceFaultError, match="has not ended its last motion"):
+        rotator.start_move(45)
+    with pytest.raises(DeviceFaultError, match="last motion has ended with status 2, mechanical time-out"):
+        rotator.is_moving()
+    assert MA_45 not in peer.commands
+
+
+def test_module_that_was_switched_off_on_the_way_has_lost_its_home(rotator, clock, until):
+    peer, rotator = rotator({MA_45: b"0PO00004600\r\n", b"0gj": [b"0GJ00000467\r\n", b"0GJ00004600\r\n"]})
+    rotator.connect()
+    clock.time_s += 1
+    rotator.start_homing()
+    arrive(rotator, clock)
+    assert rotator.is_homed()
+    clock.time_s += 1
+    rotator.start_move(45)
+    with pytest.raises(DeviceFaultError, match="polarizer: the module has lost its home position"):
+        ended(rotator, until)
+    assert peer.commands[-2:] == [MA_45, b"0gj"]
 
 
 def test_stop_drops_a_move_that_was_not_sent_yet(rotator, clock):
@@ -431,7 +485,8 @@ def test_failure_of_one_module_is_not_the_others(two, clock, until):
     _, polarizer, plate = two({MA_45: b"0GS02\r\n", b"1ma00008C00": b"1PO00008C00\r\n"})
     polarizer.start_move(45)
     plate.start_move(90)
-    until(lambda: len(polarizer._bus._queue) < 2 and plate.is_moving() and polarizer._bus._active is None)
+    wire = polarizer._module._bus
+    until(lambda: len(wire._queue) < 2 and plate.is_moving() and wire._active is None)
     clock.time_s += 1
     ended(plate, until)
     with pytest.raises(DeviceFaultError, match="polarizer: "):
@@ -453,7 +508,7 @@ def test_buttons_are_counted_and_are_no_answers(rotator, clock, until):
     assert rotator.position_deg() == 45.0
     clock.time_s += 1
     rotator.start_move(45)
-    until(lambda: rotator.is_moving() and rotator._bus.unsolicited == 3)
+    until(lambda: rotator.is_moving() and rotator._module._bus.unsolicited == 3)
     peer.say(b"0PO00004600\r\n")
     ended(rotator, until)
 
@@ -463,7 +518,7 @@ def test_noise_before_a_question_does_no_harm(rotator, noise, until):
     peer, rotator = rotator({b"0gp": b"0PO00004600\r\n"})
     rotator.connect()
     peer.say(noise)
-    until(rotator._bus._link.has_input)
+    until(rotator._module._bus._link.has_input)
     assert rotator.position_deg() == 45.0
     assert peer.commands.count(b"0gp") == 1
 
@@ -519,7 +574,7 @@ def test_axis_on_a_rotator_moves_and_arrives(rotator, clock, until):
     axis.connect()
     clock.time_s += 1
     axis.start_homing()
-    ended(axis, until)
+    arrive(axis, clock)
     axis.start_move(45)
     clock.time_s += 0.2
     ended(axis, until)
@@ -529,6 +584,7 @@ def test_axis_on_a_rotator_moves_and_arrives(rotator, clock, until):
 SLIDER = {
     b"3in": b"3IN091140028420211401006000000001\r\n",
     b"3i1": b"3I1100FFFFFFFFFFF00AC00A5\r\n",
+    b"3gs": b"3GS00\r\n",
     b"3gp": b"3PO00000000\r\n",
     b"3st": b"3GS00\r\n",
 }
@@ -543,13 +599,6 @@ def slider(bus):
     return make
 
 
-def arrive(slider, clock):
-    give_up_s = time.monotonic() + 10
-    while slider.is_moving():
-        assert time.monotonic() < give_up_s, "never arrives"
-        clock.time_s += 0.001
-
-
 def test_slider_steps_to_a_slot_one_step_after_the_other(slider, clock):
     changes = {b"3fw": [b"3PO00000020\r\n", b"3PO00000040\r\n", b"3GS00\r\n"]}
     peer, slider = slider(changes | {b"3gp": [b"3PO00000000\r\n", b"3PO0000005F\r\n"]})
@@ -557,7 +606,7 @@ def test_slider_steps_to_a_slot_one_step_after_the_other(slider, clock):
     slider.start_select(4)
     assert slider.is_moving()
     arrive(slider, clock)
-    assert peer.commands == [b"3in", b"3gp", b"3fw", b"3fw", b"3fw", b"3gp"]
+    assert peer.commands == [b"3in", b"3gs", b"3gp", b"3fw", b"3fw", b"3fw", b"3gp"]
     assert slider.slot() == 4
 
 
@@ -568,7 +617,7 @@ def test_slider_steps_back_and_not_at_all(slider, clock):
     assert not slider.is_moving()
     slider.start_select(1)
     arrive(slider, clock)
-    assert peer.commands == [b"3in", b"3gp", b"3gp", b"3bw"]
+    assert peer.commands == [b"3in", b"3gs", b"3gp", b"3gp", b"3bw"]
 
 
 def test_step_that_leads_elsewhere_ends_the_steps(slider, clock):
@@ -599,16 +648,20 @@ def test_stopped_slider_takes_no_further_step(slider, clock, until):
     assert slider.is_moving()
     until(lambda: peer.commands[-1] == b"3fw")
     slider.stop()
-    assert not slider.is_moving()
     assert peer.commands[-1] == b"3st"
+    peer._answers |= {b"3gs": [b"3GS09\r\n", b"3GS00\r\n"]}
+    assert [slider.is_moving(), slider.is_moving()] == [True, False]
+    assert peer.commands.count(b"3fw") == 1
 
 
 @pytest.mark.parametrize("position", [b"00000010", b"FFFFFFE0", b"00000080"])
 def test_slider_between_slots_has_none(slider, position):
-    _, slider = slider({b"3gp": b"3PO" + position + b"\r\n"})
+    peer, slider = slider({b"3gp": b"3PO" + position + b"\r\n"})
     slider.connect()
-    with pytest.raises(PositionError, match=r"analyzer: the slider stands at .* where it has no slot"):
-        slider.slot()
+    assert slider.slot() is None
+    with pytest.raises(PositionError, match="analyzer: the slider stands between its slots"):
+        slider.start_select(1)
+    assert peer.commands[-1] == b"3gp"
 
 
 @pytest.mark.parametrize("slot", [0, 5, -1])
@@ -617,7 +670,7 @@ def test_slot_that_does_not_exist_is_refused_before_the_first_byte(slider, slot)
     with pytest.raises(LimitError, match=f"analyzer: slot {slot} does not exist"):
         slider.start_select(slot)
     slider.connect()
-    assert peer.commands == [b"3in"]
+    assert peer.commands == [b"3in", b"3gs"]
 
 
 def test_slider_with_other_slots_is_refused(slider):

@@ -97,8 +97,17 @@ class TestConnecting:
         assert stage.connect() == ("an alarm, which was reset",)
         assert lec.written == [(SERIAL, True), (RESET, True), (RESET, False), (SERVO, True)]
 
-    def test_left_over_hold_is_ended_only_with_the_servo_off(self, stage, lec):
+    def test_left_over_hold_of_a_table_at_its_target_is_simply_ended(self, stage, lec):
         lec.coils[HOLD] = True
+        assert stage.connect() == ()
+        assert lec.written[1:] == [(HOLD, False), (SERVO, True)]
+
+    @pytest.mark.parametrize("kept", ["way", "start", "busy", "homing"])
+    def test_left_over_motion_is_ended_only_with_the_servo_off(self, stage, lec, kept):
+        lec.coils[HOLD] = True
+        lec.stand_at(200 * (kept == "way"))
+        lec.registers[START] = 0x0100 * (kept == "start")
+        lec.inputs[BUSY], lec.coils[SET_UP] = kept == "busy", kept == "homing"
         assert stage.connect() == ("a motion on hold, which was given up",)
         assert lec.written[1:] == [(SERVO, False), (SET_UP, False), (HOLD, False), (SERVO, True), (SERVO, True)]
 
@@ -290,6 +299,7 @@ class TestStopping:
         assert lec.written[-1] == (START, [0x0100])
 
     def test_home_that_was_lost_with_the_servo_is_noticed(self, stage, lec, monkeypatch):
+        lec.stand_at(200)
         stage.stop()
         write = lec.write_coil
 

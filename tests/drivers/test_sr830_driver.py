@@ -7,7 +7,7 @@ import re
 import numpy as np
 import pytest
 
-from drivers.sr830_lock_in import Condition, parse_condition, parse_sample, time_constant_s
+from drivers.sr830_lock_in import TIME_CONSTANTS_S, Condition, Settings, parse_condition, parse_sample
 from drivers.stanford_sr830 import StanfordSr830
 from goniometer.errors import DeviceFaultError, LimitError, NotConnectedError, ReplyError, ReplyTimeoutError
 
@@ -17,10 +17,13 @@ ANSWERS = {
     b"LIAS?": b"0\r",
     b"OFLT?": b"8\r",
     b"OFSL?": b"3\r",
+    b"FMOD?": b"0\r",
     b"SENS?": b"17\r",
     b"SNAP? 3,4,9": b"0.000202046,-12.5,317.25\r",
 }
-TIME_CONSTANT_S, SETTLING_S = 0.1, 1.0
+TIME_CONSTANT_S, SETTLING_S = 0.1, 1.6
+
+SETTINGS = [b"OFLT?", b"OFSL?", b"FMOD?"]
 
 
 @pytest.fixture
@@ -28,6 +31,7 @@ def lock_in(make_peer, open_link, clock):
     def make(changes=None, reply_timeout_s=2.0, **parameters):
         peer = make_peer(ANSWERS | (changes or {}))
         link = open_link(peer.port, "lock_in", reply_timeout_s)
+        parameters = {"settings": Settings(TIME_CONSTANT_S, 24), "noise_w": 1e-9} | parameters
         return peer, StanfordSr830(link, clock, name="lock_in", responsivity_v_per_w=2.0, **parameters)
 
     return make
@@ -76,8 +80,8 @@ class TestAnswers:
             parse_condition("lock_in", answer)
 
     def test_time_constants_go_from_10_us_to_30_ks_in_steps_of_1_and_3(self):
-        constants_s = [time_constant_s(index) for index in range(20)]
-        assert constants_s[:4] == [10e-6, 30e-6, 100e-6, 300e-6]
+        constants_s = TIME_CONSTANTS_S
+        assert (len(constants_s), constants_s[:4]) == (20, (10e-6, 30e-6, 100e-6, 300e-6))
         assert (constants_s[8], constants_s[10], constants_s[19]) == (0.1, 1.0, 30e3)
         np.testing.assert_allclose(np.array(constants_s[2:]) / constants_s[:-2], 10)
 
@@ -100,7 +104,19 @@ class TestConnecting:
     def test_answers_are_sent_here_before_anything_is_asked(self, lock_in):
         peer, lock_in = lock_in()
         assert lock_in.connect() == ()
-        assert peer.commands == [b"OUTX 0", b"*IDN?", b"LIAS?"]
+        assert peer.commands == [b"OUTX 0", b"*IDN?", b"LIAS?", *SETTINGS]
+
+    def test_filter_and_reference_are_set_where_they_are_others(self, lock_in):
+        changes = {b"OFLT?": [b"10\r", b"8\r"], b"OFSL?": [b"1\r", b"3\r"], b"FMOD?": [b"1\r", b"0\r"]}
+        peer, lock_in = lock_in(changes)
+        lock_in.connect()
+        assert peer.commands[3:] == [*SETTINGS, b"OFLT 8", b"OFSL 3", b"FMOD 0", *SETTINGS]
+
+    @pytest.mark.parametrize("kept", [{b"OFLT?": b"7\r"}, {b"OFSL?": b"0\r"}, {b"FMOD?": b"1\r"}])
+    def test_lock_in_that_keeps_other_settings_is_refused(self, lock_in, kept):
+        _, lock_in = lock_in(kept)
+        with pytest.raises(ReplyError, match=r"lock_in: the answer to 'OFLT\?, OFSL\? and FMOD\?' is .* just set"):
+            lock_in.connect()
 
     def test_what_was_left_over_is_told(self, lock_in):
         _, lock_in = lock_in({b"LIAS?": b"45\r"})
@@ -128,29 +144,34 @@ class TestReading:
         np.testing.assert_allclose(finish(lock_in), SETTLING_S + 0.5, atol=0.07)
         np.testing.assert_allclose(lock_in.power_w(), 0.000202046 / 2, rtol=1e-12)
         assert lock_in.reference_hz == 317.25
-        assert peer.commands == [b"LIAS?", b"OFLT?", b"OFSL?", b"LIAS?", *[b"SNAP? 3,4,9"] * 5, b"LIAS?"]
+        assert peer.commands == [b"LIAS?", *SETTINGS, b"LIAS?", *[b"SNAP? 3,4,9"] * 5, b"LIAS?"]
         assert not lock_in.is_reading()
 
-    @pytest.mark.parametrize(("slope", "time_constants"), [(0, 5), (1, 7), (2, 9), (3, 10)])
+    @pytest.mark.parametrize(("slope", "stages"), [(0, 1), (1, 2), (2, 3), (3, 4)])
     @pytest.mark.parametrize(("index", "constant_s"), [(8, 0.1), (9, 0.3), (10, 1.0)])
-    def test_settling_follows_slope_and_time_constant(self, lock_in, clock, slope, time_constants, index, constant_s):
-        peer, lock_in = lock_in({b"OFLT?": b"%d\r" % index, b"OFSL?": b"%d\r" % slope})
+    def test_settling_leaves_a_ten_thousandth_of_a_step(self, lock_in, clock, slope, stages, index, constant_s):
+        """A step passes `stages` equal RC stages but for exp(-n) sum n^j / j! after n time constants."""
+        settings = Settings(constant_s, 6 * stages)
+        left = settings.settling_s / constant_s
+        left = math.exp(-left) * sum(left**order / math.factorial(order) for order in range(stages))
+        assert 0.8e-4 < left < 1e-4
+        peer, lock_in = lock_in({b"OFLT?": b"%d\r" % index, b"OFSL?": b"%d\r" % slope}, settings=settings)
         lock_in.start_reading(0.5)
-        clock.time_s = time_constants * constant_s - 1e-6
+        clock.time_s = settings.settling_s - 1e-6
         assert lock_in.is_reading()
-        assert peer.commands[-1] == b"OFSL?"
+        assert peer.commands[-1] == b"FMOD?"
         clock.time_s += 2e-6
         assert lock_in.is_reading()
         assert peer.commands[-1] == b"LIAS?"
 
     def test_one_sample_is_enough_where_the_filter_is_slower_than_the_exposure(self, lock_in, finish):
-        peer, lock_in = lock_in({b"OFLT?": b"10\r"})
+        peer, lock_in = lock_in({b"OFLT?": b"10\r"}, settings=Settings(1.0, 24))
         lock_in.start_reading(0.2)
-        np.testing.assert_allclose(finish(lock_in), 10.2, atol=0.05)
+        np.testing.assert_allclose(finish(lock_in), 16.2, atol=0.05)
         assert peer.commands.count(b"SNAP? 3,4,9") == 1
 
     def test_fast_filter_does_not_ask_faster_than_the_poll(self, lock_in, finish):
-        peer, lock_in = lock_in({b"OFLT?": b"0\r"})
+        peer, lock_in = lock_in({b"OFLT?": b"0\r"}, settings=Settings(10e-6, 24))
         lock_in.start_reading(0.2)
         finish(lock_in)
         assert 15 <= peer.commands.count(b"SNAP? 3,4,9") <= 21
@@ -164,13 +185,30 @@ class TestReading:
         mean = sum(cmath.rect(volts, math.radians(degrees)) for volts, degrees in samples) / 3
         np.testing.assert_allclose(lock_in.power_w(), abs(mean) / 2, rtol=1e-9)
 
-    def test_changed_time_constant_is_asked_for_again(self, lock_in, finish):
-        _, lock_in = lock_in({b"OFLT?": [b"8\r", b"10\r"]})
-        durations_s = []
-        for _ in range(2):
+    def test_little_light_is_told_with_its_sign_in_phase_with_the_light_seen_last(self, lock_in, finish):
+        """Noise in the dark then averages to nothing, which its magnitude does not."""
+        answers = [b"2e-9,100,300\r", b"1e-6,70,300\r", b"2e-9,100,300\r", b"2e-9,-110,300\r", b"1e-6,-20,300\r"]
+        _, lock_in = lock_in({b"SNAP? 3,4,9": [*answers, answers[0]]})
+        told_w = []
+        for _ in range(6):
+            lock_in.start_reading(0.1)
+            finish(lock_in)
+            told_w.append(lock_in.power_w())
+        cosines = [1, 1, math.cos(math.radians(30)), -1, 1, math.cos(math.radians(120))]
+        np.testing.assert_allclose(told_w, np.array([1e-9, 5e-7, 1e-9, 1e-9, 5e-7, 1e-9]) * cosines, rtol=1e-9)
+
+    @pytest.mark.parametrize("changed", [{b"OFLT?": b"9\r"}, {b"OFSL?": b"2\r"}, {b"FMOD?": b"1\r"}])
+    def test_reset_lock_in_gives_no_reading(self, lock_in, finish, changed):
+        peer, lock_in = lock_in()
+        lock_in.connect()
+        lock_in.start_reading(0.5)
+        finish(lock_in)
+        peer._answers |= {question: [answer] for question, answer in changed.items()}
+        with pytest.raises(DeviceFaultError, match="lock_in: the lock-in was reset, or set otherwise"):
             lock_in.start_reading(0.5)
-            durations_s.append(finish(lock_in))
-        np.testing.assert_allclose(durations_s, [1.5, 10.5], atol=0.07)
+        assert not lock_in.is_reading()
+        with pytest.raises(ReplyError, match="there is no finished reading"):
+            lock_in.power_w()
 
     @pytest.mark.parametrize("exposure_s", [0.0, -1.0, math.nan, math.inf])
     def test_impossible_exposure_is_refused_before_the_first_byte(self, lock_in, exposure_s):
@@ -298,4 +336,4 @@ class TestLine:
         lock_in.start_reading(0.5)
         finish(lock_in)
         assert lock_in.power_w() > 0
-        assert peer.commands[3:6] == [b"OUTX 0", b"*IDN?", b"LIAS?"]
+        assert peer.commands[4:7] == [b"OUTX 0", b"*IDN?", b"LIAS?"]

@@ -5,10 +5,10 @@ from __future__ import annotations
 import argparse
 import multiprocessing
 import sys
-from itertools import chain
+from itertools import groupby
 
 from campaign import TARGETS, run_task, tasks
-from floods import Flood, floods
+from floods import floods
 from target import Result, run_block
 
 _PROCESSES = 2
@@ -47,20 +47,19 @@ def main() -> int:
 
 def _flood(count: int, only: str) -> int:
     """Print for each parser what its worst streams did to it, and every failure; how many there are."""
-    by_name: dict[str, list[Flood]] = {}
-    for flood in floods(count, only):
-        by_name.setdefault(flood.name, []).append(flood)
-    for name, all_of_it in by_name.items():
+    failures = 0
+    for name, floods_of_it in groupby(floods(count, only), key=lambda flood: flood.name):
+        all_of_it = list(floods_of_it)
         slowest = max(all_of_it, key=lambda flood: flood.us_per_byte)
         print(
             f"{name:22} floods: {max(flood.kept_bytes for flood in all_of_it):>6} bytes kept, "
             f"{slowest.us_per_byte:.2f} us/byte ({slowest.stream}, {slowest.piece} at a time; "
             f"{slowest.slowing:.2f} times that of an eighth of it)"
         )
-    failures = [flood for flood in chain.from_iterable(by_name.values()) if flood.failure]
-    for flood in failures:
-        print("", f"{flood.name}, {flood.stream}, {flood.piece} at a time: {flood.failure}", sep="\n")
-    return len(failures)
+        for flood in filter(lambda flood: flood.failure, all_of_it):
+            failures += 1
+            print(f"{flood.name}, {flood.stream}, {flood.piece} at a time: {flood.failure}", flush=True)
+    return failures
 
 
 if __name__ == "__main__":

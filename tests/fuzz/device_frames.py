@@ -26,6 +26,9 @@ ESP301_FRAMES = [
         b"TS;TE?;TB?",
     )
 ]
+ESP301_FRAMES.append(
+    b"".join(b"1%s%sE99\r" % (name, b"9" * 60) for name in (b"VU", b"VA", b"AU", b"AC", b"AG")) + b"1MO;1PA5\r"
+)
 FW102C_FRAMES = [
     b"*idn?\r",
     b"pos?\r",

@@ -180,7 +180,7 @@ WIRES = {
         b"\r",
         0.0,
         _ALL_ADDRESSES,
-        rb"^([0-9A-F]GS..\r\n){1}$",
+        rb"^([0-9A-F]GS..\r\n)+$",
         _pattern(rb"ho|ma|mr|fw|bw|st", b"\n"),
         (15400.0,),
     ),

@@ -109,7 +109,7 @@ def _sr830() -> tuple[Device, Begin]:
         driver = Sr830LockIn(link, name="lock-in")
         requests = (
             driver.begin,
-            driver.output_filter,
+            driver.settings,
             driver.sensitivity,
             driver.condition,
             driver.sample,

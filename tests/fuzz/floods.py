@@ -22,7 +22,7 @@ from goniometer.errors import ReplyError
 MOST_KEPT_BYTES, MOST_GROWN_BYTES = 131_072, 4096
 _MEANINGLESS = ("one letter", "one digit", "chance")  # what is said of a motion waits for its end
 _PIECE = 4096
-_ONE_BY_ONE = 16
+_ONE_BY_ONE = 64
 _BYTE_S = 1.1e-3
 _SHORTEST = 8192  # in smaller ones no buffer gets full
 
@@ -51,7 +51,7 @@ def floods(count: int, only: str) -> Iterator[Flood]:
         for stream, data in _streams(frames, max(count, _SHORTEST)):
             yield _flood(name, stream, begin, data, _PIECE)
             if name not in LINE_READERS:
-                yield _flood(name, stream, begin, data[: len(data) // _ONE_BY_ONE], 1)
+                yield _flood(name, stream, begin, data[: max(len(data) // _ONE_BY_ONE, 512)], 1)
 
 
 def _flood(name: str, stream: str, begin: Callable[[], Feed], data: bytes, piece: int) -> Flood:

@@ -77,3 +77,57 @@ def test_two_analyzers_are_one_too_many(tmp_path: Path) -> None:
     second = second.replace("{}", "{1: 0, 2: 45, 3: 90, 4: 135, 5: open, 6: open}")
     with pytest.raises(ConfigurationError, match=r"'devices.wheel': is a second analyzer beside analyzer"):
         load(tmp_path, ("calibration:", second))
+
+
+TABLE = """  table:
+    driver: smc_lec
+    port: /dev/ttyUSB1
+    unit: 2
+    baudrate: 115200
+    axes:
+      detector_arm: {limits_deg: [-85, 85], velocity_deg_s: 10, acceleration_deg_s2: 40, settle_s: 0, tolerance_deg: 1}
+  sample_stage:"""
+
+
+def two_drives(tmp_path: Path, *changes: tuple[str, str]) -> Rig:
+    """The sample's drive, and the detector arm's of another make, on one adapter."""
+    start = EXAMPLE.index("      detector_arm:")
+    arm = EXAMPLE[start : EXAMPLE.index("  sample_stage:")]
+    parity = ("    unit: 1                            # the drive's address switch", "    unit: 1\n    parity: none")
+    return load(tmp_path, (arm, ""), ("  sample_stage:", TABLE), parity, *changes)
+
+
+def test_drives_of_two_makes_may_share_a_port(tmp_path: Path) -> None:
+    assert len(two_drives(tmp_path).devices) == 5
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (("unit: 2", "unit: 1"), "has unit 1 on port '/dev/ttyUSB1', as table has; allowed: one each"),
+        (("baudrate: 115200", "baudrate: 38400"), "one device a port, unless both have addresses on a line"),
+        (("parity: none", "parity: even"), "one device a port, unless both have addresses on a line"),
+    ],
+)
+def test_drives_that_cannot_share_a_port_are_refused(tmp_path: Path, change: tuple[str, str], message: str) -> None:
+    with pytest.raises(ConfigurationError, match=message):
+        two_drives(tmp_path, change)
+
+
+def test_elliptec_modules_of_two_kinds_may_share_a_port(tmp_path: Path) -> None:
+    text = (ROOT / "rigs" / "simulated_slider.yaml").read_text(encoding="utf-8")
+    start, end = text.index("  sample_stage:"), text.index("  analyzer:")
+    rotator = """  sample_stage:
+    driver: thorlabs_elliptec
+    port: COM7
+    address: "1"
+    axes:
+      sample_azimuth: {limits_deg: [-9, 9], velocity_deg_s: 430, acceleration_deg_s2: 99, settle_s: 0, tolerance_deg: 1}
+"""
+    text = text[:start] + rotator + text[end:].replace("simulated", "COM7", 1).replace("simulated", "COM8")
+    path = tmp_path / "rig.yaml"
+    path.write_text(text.replace("port: simulated", "port: COM9"), encoding="utf-8")
+    assert load_rig(path).devices["analyzer"].port == load_rig(path).devices["sample_stage"].port == "COM7"
+    path.write_text(path.read_text().replace('address: "1"', 'address: "0"'), encoding="utf-8")
+    with pytest.raises(ConfigurationError, match="has address 0 on port 'COM7', as sample_stage has"):
+        load_rig(path)
