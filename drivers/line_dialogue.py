@@ -7,6 +7,7 @@ from typing import TypeVar
 
 from drivers.link import Link
 from drivers.reply_text import unusable
+from goniometer.errors import ReplyTimeoutError
 
 T = TypeVar("T")
 
@@ -18,7 +19,7 @@ class LineDialogue:
 
     Answers come in order. Once an answer was given up, or was none, every later one might belong to the question
     before. Only the identity cannot be mistaken: before the next question it is asked for, and answers are trusted
-    again when it has come as often as it was asked for.
+    again when it has come as often as it was asked for, or when there is silence behind it.
 
     Parameters
     ----------
@@ -97,10 +98,20 @@ class LineDialogue:
         self._end_cut_command()
         self.tell(self._identity_question)
         self._identities_to_come += 1
-        line = ""
+        line, seen = "", False
         for _ in range(_MOST_OLD_ANSWERS + self._identities_to_come):
-            line = _text(self._link.read_until(self._answer_end))
-            self._identities_to_come -= self._identity in line.upper()
+            try:
+                line = _text(self._link.read_until(self._answer_end))
+            except ReplyTimeoutError:
+                if not seen:
+                    raise
+                # silence behind an identity: those that are missing were lost. One that comes after all is found before
+                # the next question, or is no answer to it.
+                self._identities_to_come = 0
+            else:
+                is_identity = self._identity in line.upper()
+                seen |= is_identity
+                self._identities_to_come -= is_identity
             if not self._identities_to_come:
                 self._in_step = True
                 return

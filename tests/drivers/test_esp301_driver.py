@@ -253,11 +253,19 @@ def test_late_identity_does_not_put_answers_one_question_behind(arm):
     assert [axis.position_deg(), axis.position_deg()] == [34.0, 35.0]
 
 
-def test_answers_are_not_trusted_while_an_identity_is_still_to_come(arm):
-    _, _, axis = arm(reply_timeout_s=0.05, **{"1TP": [b"", b"34.000000\r\n"], "VE": [b"", IDENTITY, 2 * IDENTITY]})
-    with pytest.raises(ReplyTimeoutError, match="VE"):
-        axis.position_deg()
+def test_an_identity_that_was_lost_for_good_does_not_leave_answers_out_of_step_for_ever(arm):
+    peer, _, axis = arm(reply_timeout_s=0.05, **{"1TP": [b"", b"34.000000\r\n"], "VE": [b"", IDENTITY]})
+    assert [axis.position_deg(), axis.position_deg()] == [34.0, 34.0]
+    assert peer.commands == [b"1TP?", b"WT0", b"VE?", b"WT0", b"VE?", b"1TP?", b"1TP?"]
+
+
+def test_an_identity_that_comes_after_all_is_not_taken_for_an_answer(arm, until):
+    peer, controller, axis = arm(reply_timeout_s=0.05, **{"1TP": [b"", b"34.000000\r\n"], "VE": [b"", IDENTITY]})
     assert axis.position_deg() == 34.0
+    peer.say(IDENTITY)
+    until(controller._link.has_input)
+    assert axis.position_deg() == 34.0
+    assert peer.commands[-3:] == [b"WT0", b"VE?", b"1TP?"]
 
 
 @pytest.mark.parametrize("question", ["1TP", "1MD", "1SN", "1ID"])
