@@ -155,7 +155,9 @@ def scan(scene, connect):
             arms.sendall(b"2PA%d\r" % exit_deg)
             bench.clock.sleep(5.0)
             for slot in (2, 3, 4, 5):
-                answer(analyzer, b"pos=%d\r" % slot, b"> ")
+                analyzer.sendall(b"pos=%d\r" % slot)
+                bench.clock.sleep(2.0)
+                answer(analyzer, b"", b"> ")
                 log.append((answer(arms, b"2TP\r"), answer(meter, b"READ?\n", b"\n"), bench.clock.now()))
     return log
 
