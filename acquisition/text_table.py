@@ -166,9 +166,15 @@ def _check_names(table: TextTable, names: list[str], known: Collection[str]) -> 
         if not name:
             table.add(table.header_line, "a column has no name; give it one, or take it out of the file")
         elif name not in known:
-            near = difflib.get_close_matches(name.lower(), known, n=1)
+            near = _like(name.lower(), known)
             what = f"did you mean {near[0]}?" if near else "take it out of the file; docs/fit.md lists all columns"
             table.add(table.header_line, f"column {name} is not known; {what}")
+
+
+def _like(name: str, known: Collection[str]) -> list[str]:
+    """Known names that a name may stand for, the likeliest first: those that only add the unit, then similar ones."""
+    fuller = sorted((other for other in known if other.startswith(f"{name}_")), key=len)
+    return [*fuller, *difflib.get_close_matches(name, known, n=1)]
 
 
 def _read_numbers(table: TextTable, names: list[str], rows: list[list[str]]) -> None:
