@@ -4,19 +4,19 @@ import select
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from drivers.apt_port import AptPort
-from drivers.elliptec_bus import ElliptecBus
-from drivers.link import Link
-from drivers.modbus_port import ModbusPort
-from drivers.modbus_unit import ModbusUnit
-from drivers.newport_esp301 import NewportEsp301
-from drivers.oriental_az import OrientalAz
-from drivers.smc_lec import SmcLec
-from drivers.sr830_lock_in import Sr830LockIn
-from drivers.thorlabs_apt import ThorlabsApt
-from drivers.thorlabs_elliptec import ElliptecRotator
+from drivers.modbus.port import ModbusPort
+from drivers.modbus.unit import ModbusUnit
+from drivers.newport_esp301.stage import NewportEsp301
+from drivers.oriental_az.stage import OrientalAz
+from drivers.smc_lec.stage import SmcLec
+from drivers.stanford_sr830.lock_in import Sr830LockIn
+from drivers.thorlabs_apt.port import AptPort
+from drivers.thorlabs_apt.stage import ThorlabsApt
+from drivers.thorlabs_elliptec.bus import ElliptecBus
+from drivers.thorlabs_elliptec.rotator import ElliptecRotator
 from drivers.thorlabs_fw102c import ThorlabsFw102c
-from drivers.thorlabs_pm100 import ThorlabsPm100
+from drivers.thorlabs_pm100.meter import ThorlabsPm100
+from drivers.wire.link import Link
 
 # 3.5 characters of 11 bits at 19200 baud, which end a Modbus frame on a serial line of any greater speed too
 SILENCE_S = 3.5 * 11 / 19200

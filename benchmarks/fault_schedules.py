@@ -36,15 +36,15 @@ from acquisition.journal import Journal
 from acquisition.readings import Reading
 from acquisition.recipe import Recipe
 from drivers.clock import Deadline
-from drivers.link import Link
+from drivers.wire.link import Link
 from goniometer import assembly
 from goniometer.bench import served_ports
 from goniometer.errors import DeviceError
 from goniometer.planning import plan
 from goniometer.rig_file import Rig
 from sim_devices.bench import Bench
-from sim_devices.clock import VirtualClock
 from sim_devices.scene import Scene
+from sim_devices.serving.clock import VirtualClock
 
 ROOT = Path(__file__).resolve().parents[1]
 AXES = ("source_arm", "detector_arm", "sample_azimuth")
@@ -285,7 +285,7 @@ def prepare() -> None:
     logging.disable(logging.WARNING)
     without_faults()
     mock.patch("goniometer.rig_devices.connecting.Link", ImpatientLink).start()
-    mock.patch("drivers.modbus_port.Link", ImpatientLink).start()
+    mock.patch("drivers.modbus.port.Link", ImpatientLink).start()
     mock.patch.object(Deadline, "_REAL_GRACE_S", 0.0).start()
 
 

@@ -1,1 +1,1 @@
-"""Talk to hardware: one file a device family. Knows protocols and units, no physics."""
+"""Talk to hardware: a file or a folder a device family. Knows protocols and units, no physics."""

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from typing import TypeVar
 
 from drivers.clock import Clock, Deadline
-from drivers.link import Link
-from drivers.reply_text import unusable, whole_number
+from drivers.wire.link import Link
+from drivers.wire.reply_text import unusable, whole_number
 from goniometer.errors import DeviceFaultError, LimitError, PositionError, ReplyError, ReplyTimeoutError
 
 T = TypeVar("T")

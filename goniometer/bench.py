@@ -14,9 +14,9 @@ from goniometer.errors import ConfigurationError
 from goniometer.load_files import Setup, load_scene
 from goniometer.rig_file import Rig
 from sim_devices.bench import Bench as SimulatedBench
-from sim_devices.clock import ScaledClock, VirtualClock
-from sim_devices.control import RemoteClock
 from sim_devices.scene import Scene
+from sim_devices.serving.clock import ScaledClock, VirtualClock
+from sim_devices.serving.control import RemoteClock
 
 Speed = float | Literal["max"]
 

@@ -14,7 +14,7 @@ from goniometer.errors import ScanInterrupted
 from goniometer.load_files import load_scene
 from goniometer.signals import Interruption
 from sim_devices.bench import Bench
-from sim_devices.control import ControlServer
+from sim_devices.serving.control import ControlServer
 
 _LOOK_S = 0.2
 """How often a request to end is looked for."""

@@ -8,13 +8,13 @@ from dataclasses import dataclass
 from types import TracebackType
 
 from goniometer.errors import DeviceFaultError
-from sim_devices.clock import BenchClock
 from sim_devices.device import Device
 from sim_devices.faults.switchboard import Switchboard
-from sim_devices.modbus_tcp import ModbusTcp
-from sim_devices.reactor import Reactor
+from sim_devices.modbus.tcp import ModbusTcp
 from sim_devices.scene import Scene
-from sim_devices.shared_line import SharedLine
+from sim_devices.serving.clock import BenchClock
+from sim_devices.serving.reactor import Reactor
+from sim_devices.serving.shared_line import SharedLine
 from sim_devices.world import World
 
 

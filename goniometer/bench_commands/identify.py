@@ -12,9 +12,9 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
 
-from drivers.apt_messages import GET_INFO, RACK, REQ_INFO, SINGLE_UNIT, short_message
-from drivers.link import Link
-from drivers.modbus_frames import READ_REGISTERS, REFUSED, Framing, Request, RtuFraming, TcpFraming, read_request
+from drivers.modbus.frames import READ_REGISTERS, REFUSED, Framing, Request, RtuFraming, TcpFraming, read_request
+from drivers.thorlabs_apt.messages import GET_INFO, RACK, REQ_INFO, SINGLE_UNIT, short_message
+from drivers.wire.link import Link
 from goniometer.errors import ReplyError, ReplyTimeoutError
 
 _REPLY_S = 0.3

@@ -20,7 +20,7 @@ from goniometer.load_files import load_rig
 from goniometer.rig_devices.entry import Role
 from goniometer.rig_file import Rig
 from goniometer.signals import Interruption
-from sim_devices.control import RemoteClock
+from sim_devices.serving.control import RemoteClock
 
 Tell = Callable[[str], None]
 """Takes a line for the person who waits."""

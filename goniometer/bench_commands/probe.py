@@ -6,7 +6,7 @@ import errno
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
-from drivers.link import Link
+from drivers.wire.link import Link
 from goniometer.bench_commands.identify import (
     APT,
     ELLIPTEC,

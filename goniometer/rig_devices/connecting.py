@@ -10,9 +10,9 @@ from typing import Any, Protocol, TypeVar
 from acquisition.protocols import Analyzer, Detector
 from drivers.axis import Axis
 from drivers.clock import Clock
-from drivers.link import Link
-from drivers.modbus_port import ModbusPort
-from drivers.wire_log import WireLog
+from drivers.modbus.port import ModbusPort
+from drivers.wire.link import Link
+from drivers.wire.wire_log import WireLog
 
 
 class Closable(Protocol):

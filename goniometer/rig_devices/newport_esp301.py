@@ -10,7 +10,7 @@ from pydantic import Field, model_validator
 
 from acquisition.section import SectionFault, refuse_all
 from drivers.axis import Axis
-from drivers.newport_esp301 import NewportEsp301
+from drivers.newport_esp301.stage import NewportEsp301
 from goniometer.rig_devices.connecting import Connecting
 from goniometer.rig_devices.entry import AxesEntry, AxisEntry, Role
 from sim_devices.bench_devices.entry import SimulatedDevice

@@ -10,8 +10,8 @@ from pydantic import Field
 
 from acquisition.section import SectionFault
 from drivers.axis import Axis
-from drivers.modbus_unit import ModbusUnit
-from drivers.oriental_az import OrientalAz
+from drivers.modbus.unit import ModbusUnit
+from drivers.oriental_az.stage import OrientalAz
 from goniometer.rig_devices.connecting import Connecting
 from goniometer.rig_devices.entry import AxesEntry, AxisEntry, Role
 from sim_devices.bench_devices.entry import SimulatedDevice

@@ -9,9 +9,9 @@ from pydantic import Field
 
 from acquisition.section import SectionFault
 from drivers.axis import Axis
-from drivers.modbus_unit import ModbusUnit
-from drivers.smc_lec import SmcLec
-from drivers.smc_lec_registers import LecRegisters
+from drivers.modbus.unit import ModbusUnit
+from drivers.smc_lec.registers import LecRegisters
+from drivers.smc_lec.stage import SmcLec
 from goniometer.rig_devices.connecting import Connecting
 from goniometer.rig_devices.entry import AxesEntry, AxisEntry, Role
 from sim_devices.bench_devices.entry import SimulatedDevice

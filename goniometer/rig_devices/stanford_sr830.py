@@ -10,8 +10,8 @@ from pydantic import Field, model_validator
 
 from acquisition.section import SectionFault, refuse_all
 from acquisition.timing import DetectorTiming
-from drivers.sr830_lock_in import TIME_CONSTANTS_S, Settings
-from drivers.stanford_sr830 import StanfordSr830
+from drivers.stanford_sr830.detector import StanfordSr830
+from drivers.stanford_sr830.lock_in import TIME_CONSTANTS_S, Settings
 from goniometer.rig_devices.connecting import Connecting
 from goniometer.rig_devices.entry import DetectorEntry
 

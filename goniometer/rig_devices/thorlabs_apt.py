@@ -9,9 +9,9 @@ from typing import Literal, Self
 from pydantic import Field, model_validator
 
 from acquisition.section import SectionFault, refuse_all
-from drivers.apt_port import AptPort
 from drivers.axis import Axis
-from drivers.thorlabs_apt import ThorlabsApt
+from drivers.thorlabs_apt.port import AptPort
+from drivers.thorlabs_apt.stage import ThorlabsApt
 from goniometer.rig_devices.connecting import Connecting
 from goniometer.rig_devices.entry import AxesEntry, AxisEntry, Role
 from sim_devices.bench_devices.entry import SimulatedDevice

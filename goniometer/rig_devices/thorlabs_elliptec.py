@@ -10,9 +10,9 @@ from pydantic import Field, model_validator
 from acquisition.section import SectionFault, refuse_all
 from acquisition.timing import AnalyzerTiming, AxisTiming, SliderTiming
 from drivers.axis import Axis
-from drivers.elliptec_bus import ElliptecBus
-from drivers.thorlabs_elliptec import ElliptecRotator
-from drivers.thorlabs_elliptec_slider import ElliptecSlider
+from drivers.thorlabs_elliptec.bus import ElliptecBus
+from drivers.thorlabs_elliptec.rotator import ElliptecRotator
+from drivers.thorlabs_elliptec.slider import ElliptecSlider
 from goniometer.rig_devices.connecting import Connecting
 from goniometer.rig_devices.entry import (
     AnalyzerEntry,

@@ -6,7 +6,7 @@ from typing import Literal
 
 from pydantic import Field
 
-from drivers.thorlabs_pm100 import ThorlabsPm100
+from drivers.thorlabs_pm100.meter import ThorlabsPm100
 from goniometer.rig_devices.connecting import Connecting
 from goniometer.rig_devices.entry import DetectorEntry
 

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, Literal, Protocol
 from pydantic import Field
 
 from sim_devices.device import Device
-from sim_devices.modbus_functions import Unit
-from sim_devices.modbus_tcp import ModbusTcp
+from sim_devices.modbus.functions import Unit
+from sim_devices.modbus.tcp import ModbusTcp
 from sim_devices.scene_part import ScenePart
 
 if TYPE_CHECKING:

@@ -8,7 +8,7 @@ from pydantic import Field
 
 from sim_devices.bench_devices.entry import AxisRole, SimulatedDevice
 from sim_devices.device import Device
-from sim_devices.newport_esp301 import NewportEsp301
+from sim_devices.newport_esp301.controller import NewportEsp301
 
 if TYPE_CHECKING:
     from sim_devices.world import World

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, ClassVar, Literal
 from pydantic import Field
 
 from sim_devices.bench_devices.entry import AxisRole, ModbusDevice
-from sim_devices.oriental_az import OrientalAz
+from sim_devices.oriental_az.drive import OrientalAz
 
 if TYPE_CHECKING:
     from sim_devices.world import World

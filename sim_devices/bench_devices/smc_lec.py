@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 from pydantic import Field
 
 from sim_devices.bench_devices.entry import AxisRole, ModbusDevice
-from sim_devices.smc_lec import SmcLec
+from sim_devices.smc_lec.controller import SmcLec
 
 if TYPE_CHECKING:
     from sim_devices.world import World

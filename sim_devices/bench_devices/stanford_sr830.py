@@ -8,7 +8,7 @@ from pydantic import Field
 
 from sim_devices.bench_devices.entry import SimulatedDevice
 from sim_devices.device import Device
-from sim_devices.stanford_sr830 import StanfordSr830
+from sim_devices.stanford_sr830.instrument import StanfordSr830
 
 if TYPE_CHECKING:
     from sim_devices.world import World

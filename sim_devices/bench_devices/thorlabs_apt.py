@@ -6,10 +6,10 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 
 from pydantic import Field, model_validator
 
-from sim_devices.apt_models import BSC200_HDR50, K10CR1, KDC101_PRM1Z8, AptModel
 from sim_devices.bench_devices.entry import AxisRole, SimulatedDevice
 from sim_devices.device import Device
-from sim_devices.thorlabs_apt import ThorlabsApt
+from sim_devices.thorlabs_apt.controller import ThorlabsApt
+from sim_devices.thorlabs_apt.models import BSC200_HDR50, K10CR1, KDC101_PRM1Z8, AptModel
 
 if TYPE_CHECKING:
     from sim_devices.world import World

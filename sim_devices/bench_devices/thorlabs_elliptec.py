@@ -9,9 +9,9 @@ from pydantic import Field, model_validator
 from sim_devices.analyzer import WheelAnalyzer
 from sim_devices.bench_devices.entry import AxisRole, SimulatedDevice, Slot
 from sim_devices.device import Device
-from sim_devices.elliptec_rotator import ELL14, ELL18, PULSES_PER_TURN, ElliptecRotator
-from sim_devices.elliptec_slider import ELL6, ELL9, ElliptecSlider
-from sim_devices.thorlabs_elliptec import ThorlabsElliptec
+from sim_devices.thorlabs_elliptec.bus import ThorlabsElliptec
+from sim_devices.thorlabs_elliptec.rotator import ELL14, ELL18, PULSES_PER_TURN, ElliptecRotator
+from sim_devices.thorlabs_elliptec.slider import ELL6, ELL9, ElliptecSlider
 
 if TYPE_CHECKING:
     from sim_devices.world import World

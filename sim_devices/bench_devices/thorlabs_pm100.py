@@ -8,7 +8,7 @@ from pydantic import Field
 
 from sim_devices.bench_devices.entry import SimulatedDevice
 from sim_devices.device import Device
-from sim_devices.thorlabs_pm100 import ThorlabsPm100
+from sim_devices.thorlabs_pm100.meter import ThorlabsPm100
 
 if TYPE_CHECKING:
     from sim_devices.world import World

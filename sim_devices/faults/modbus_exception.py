@@ -10,7 +10,7 @@ from pydantic import Field
 
 from sim_devices.bench_devices.entry import ModbusDevice, SimulatedDevice
 from sim_devices.faults.entry import Chunks, Random, ReplyFault
-from sim_devices.modbus_rtu import crc16
+from sim_devices.modbus.rtu import crc16
 
 _TCP_START, _TCP_UNIT = b"\0\0", 6
 

@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 
 from goniometer.errors import ConfigurationError
-from sim_devices.clock import BenchClock
 from sim_devices.device import Device, Later, Session
 from sim_devices.effects.measurement import seeded
 from sim_devices.faults.entry import AxisFault, Fault
 from sim_devices.faults.faulty_port import FaultyPort, FaultySession
-from sim_devices.reactor import Reactor
+from sim_devices.serving.clock import BenchClock
+from sim_devices.serving.reactor import Reactor
 from sim_devices.world import World
 
 

@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterator, Mapping
 import pytest
 
 from drivers.clock import Deadline
-from drivers.link import Link
+from drivers.wire.link import Link
 
 Split = Callable[[bytes], tuple[bytes, bytes, bytes]]
 

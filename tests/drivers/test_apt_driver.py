@@ -9,7 +9,7 @@ import struct
 import pytest
 from numpy.testing import assert_allclose
 
-from drivers.apt_messages import (
+from drivers.thorlabs_apt.messages import (
     GET_CHANNEL_ENABLED,
     GET_DC_STATUS,
     GET_STATUS,
@@ -31,9 +31,9 @@ from drivers.apt_messages import (
     take_message,
     velocity_of,
 )
-from drivers.apt_port import AptPort
-from drivers.apt_stages import APT_STAGES
-from drivers.thorlabs_apt import ThorlabsApt
+from drivers.thorlabs_apt.port import AptPort
+from drivers.thorlabs_apt.stage import ThorlabsApt
+from drivers.thorlabs_apt.stage_models import APT_STAGES
 from goniometer.errors import DeviceFaultError, LimitError, NotConnectedError, ReplyError, ReplyTimeoutError
 
 ENABLED, HOMED, HOMING, MOVING, AT_HOME_SWITCH = 1 << 31, 0x400, 0x200, 0x10, 0x2

@@ -6,9 +6,9 @@ import struct
 import pytest
 
 from drivers.axis import Axis, Travel
-from drivers.modbus_port import ModbusPort
-from drivers.modbus_unit import ModbusUnit
-from drivers.oriental_az import OrientalAz
+from drivers.modbus.port import ModbusPort
+from drivers.modbus.unit import ModbusUnit
+from drivers.oriental_az.stage import OrientalAz
 from goniometer.errors import DeviceFaultError, LimitError, NotConnectedError, ReplyError, ReplyTimeoutError
 
 # Published frames: a move to 8500 steps at 2000 Hz and 1000 kHz/s, its answer, a position, STOP, data no. 0 = -1000.

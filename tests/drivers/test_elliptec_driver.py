@@ -8,11 +8,19 @@ import time
 import pytest
 
 from drivers.axis import Axis, Travel
-from drivers.elliptec_bus import ElliptecBus
-from drivers.elliptec_packets import Identity, Packet, command, hex_pulses, identity_of, parse_packet, status_text
-from drivers.framing import take_frame
-from drivers.thorlabs_elliptec import ElliptecRotator
-from drivers.thorlabs_elliptec_slider import ElliptecSlider
+from drivers.thorlabs_elliptec.bus import ElliptecBus
+from drivers.thorlabs_elliptec.packets import (
+    Identity,
+    Packet,
+    command,
+    hex_pulses,
+    identity_of,
+    parse_packet,
+    status_text,
+)
+from drivers.thorlabs_elliptec.rotator import ElliptecRotator
+from drivers.thorlabs_elliptec.slider import ElliptecSlider
+from drivers.wire.framing import take_frame
 from goniometer.errors import (
     ConfigurationError,
     DeviceFaultError,

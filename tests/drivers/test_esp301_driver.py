@@ -5,8 +5,8 @@ import select
 import pytest
 
 from drivers.axis import Axis, Travel
-from drivers.newport_esp301 import NewportEsp301
-from drivers.newport_esp301_errors import ControllerError, parse_error
+from drivers.newport_esp301.errors import ControllerError, parse_error
+from drivers.newport_esp301.stage import NewportEsp301
 from goniometer.errors import DeviceFaultError, LimitError, NotConnectedError, ReplyError, ReplyTimeoutError
 
 IDENTITY = b"ESP301 Version 3.0.1 6/1/99\r\n"

@@ -2,8 +2,8 @@ from __future__ import annotations
 
 import pytest
 
-from drivers.link import take_frame
 from drivers.thorlabs_fw102c import Exchange, ThorlabsFw102c, parse_exchange
+from drivers.wire.link import take_frame
 from goniometer.errors import DeviceFaultError, LimitError, PositionError, ReplyError, ReplyTimeoutError
 
 IDENTITY = b"*idn?\rTHORLABS FW102C/FW212C Filter Wheel version 1.07\r> "

@@ -8,8 +8,8 @@ import sys
 import numpy as np
 import pytest
 
-from drivers.framing import take_exactly, take_frame
-from drivers.link import Link
+from drivers.wire.framing import take_exactly, take_frame
+from drivers.wire.link import Link
 from goniometer.errors import DeviceFaultError, LimitError, NotConnectedError, ReplyError, ReplyTimeoutError
 
 FRAMES = [
@@ -223,7 +223,7 @@ def test_a_slow_drip_does_not_lengthen_the_deadline(open_link, make_peer, monkey
         now_s[0] += min(wait_s, 1.0)
         return b"x" if wait_s >= 1.0 else b""
 
-    monkeypatch.setattr("drivers.link.time.monotonic", lambda: now_s[0])
+    monkeypatch.setattr("drivers.wire.link.time.monotonic", lambda: now_s[0])
     monkeypatch.setattr(link._port, "receive", drip)
     with pytest.raises(ReplyTimeoutError, match=r"within 3 s \(received so far: b'xxx'\)"):
         link.read_until(b"\n")

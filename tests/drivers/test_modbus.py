@@ -8,9 +8,9 @@ import sys
 import numpy as np
 import pytest
 
-from drivers.modbus_frames import RtuFraming, TcpFraming, crc16
-from drivers.modbus_port import ModbusPort
-from drivers.modbus_unit import ModbusUnit, int32s, words_of
+from drivers.modbus.frames import RtuFraming, TcpFraming, crc16
+from drivers.modbus.port import ModbusPort
+from drivers.modbus.unit import ModbusUnit, int32s, words_of
 from goniometer.errors import DeviceFaultError, NotConnectedError, ReplyError, ReplyTimeoutError
 
 # Frames of the two drives' fact sheets.

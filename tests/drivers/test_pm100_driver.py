@@ -5,8 +5,8 @@ import re
 import numpy as np
 import pytest
 
-from drivers.framing import take_frame
-from drivers.thorlabs_pm100 import ThorlabsPm100, parse_error
+from drivers.thorlabs_pm100.meter import ThorlabsPm100, parse_error
+from drivers.wire.framing import take_frame
 from goniometer.errors import DeviceFaultError, LimitError, NotConnectedError, ReplyError, ReplyTimeoutError
 
 NONE = b'+0,"No error"\n'

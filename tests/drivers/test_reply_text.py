@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import pytest
 
-from drivers.reply_text import number, switch, whole_number
+from drivers.wire.reply_text import number, switch, whole_number
 from goniometer.errors import ReplyError
 
 

@@ -4,10 +4,10 @@ import struct
 
 import pytest
 
-from drivers.modbus_port import ModbusPort
-from drivers.modbus_unit import ModbusUnit, int32s, words_of
-from drivers.smc_lec import SmcLec
-from drivers.smc_lec_registers import LecRegisters
+from drivers.modbus.port import ModbusPort
+from drivers.modbus.unit import ModbusUnit, int32s, words_of
+from drivers.smc_lec.registers import LecRegisters
+from drivers.smc_lec.stage import SmcLec
 from goniometer.errors import ConfigurationError, DeviceFaultError, NotConnectedError, ReplyTimeoutError
 
 HOLD, SERVO, RESET, SET_UP, SERIAL = 0x18, 0x19, 0x1B, 0x1C, 0x30

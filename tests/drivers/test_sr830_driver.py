@@ -7,8 +7,8 @@ import re
 import numpy as np
 import pytest
 
-from drivers.sr830_lock_in import TIME_CONSTANTS_S, Condition, Settings, parse_condition, parse_sample
-from drivers.stanford_sr830 import StanfordSr830
+from drivers.stanford_sr830.detector import StanfordSr830
+from drivers.stanford_sr830.lock_in import TIME_CONSTANTS_S, Condition, Settings, parse_condition, parse_sample
 from goniometer.errors import DeviceFaultError, LimitError, NotConnectedError, ReplyError, ReplyTimeoutError
 
 IDENTITY = b"Stanford_Research_Systems,SR830,s/n12345,ver1.07\r"

@@ -5,8 +5,8 @@ import re
 
 import pytest
 
-from drivers.link import Link
-from drivers.wire_log import WireLog
+from drivers.wire.link import Link
+from drivers.wire.wire_log import WireLog
 
 WALL_TIME = r"\d{4}-\d\d-\d\dT\d\d:\d\d:\d\d\.\d{6}Z"
 

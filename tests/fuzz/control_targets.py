@@ -14,9 +14,9 @@ from mutation import Mutator
 from target import Target
 
 from goniometer.errors import DeviceError
-from sim_devices import control
-from sim_devices.clock import VirtualClock
-from sim_devices.control import ControlServer, RemoteClock
+from sim_devices.serving import control
+from sim_devices.serving.clock import VirtualClock
+from sim_devices.serving.control import ControlServer, RemoteClock
 
 _LONGEST_REQUEST = 4096
 _REQUESTS = [

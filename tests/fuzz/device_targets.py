@@ -21,20 +21,20 @@ from device_frames import (
 from device_run import Bench, DeviceRun, Wire
 from target import Target
 
-from sim_devices.apt_models import BSC200_HDR50, K10CR1, KDC101_PRM1Z8, AptModel
 from sim_devices.axis import Axis
-from sim_devices.elliptec_rotator import STEP_DEG, ElliptecRotator
-from sim_devices.elliptec_slider import ElliptecSlider
-from sim_devices.modbus_tcp import ModbusTcp
-from sim_devices.newport_esp301 import NewportEsp301
-from sim_devices.oriental_az import OrientalAz
-from sim_devices.shared_line import SharedLine
-from sim_devices.smc_lec import SmcLec
-from sim_devices.stanford_sr830 import StanfordSr830
-from sim_devices.thorlabs_apt import ThorlabsApt
-from sim_devices.thorlabs_elliptec import ThorlabsElliptec
+from sim_devices.modbus.tcp import ModbusTcp
+from sim_devices.newport_esp301.controller import NewportEsp301
+from sim_devices.oriental_az.drive import OrientalAz
+from sim_devices.serving.shared_line import SharedLine
+from sim_devices.smc_lec.controller import SmcLec
+from sim_devices.stanford_sr830.instrument import StanfordSr830
+from sim_devices.thorlabs_apt.controller import ThorlabsApt
+from sim_devices.thorlabs_apt.models import BSC200_HDR50, K10CR1, KDC101_PRM1Z8, AptModel
+from sim_devices.thorlabs_elliptec.bus import ThorlabsElliptec
+from sim_devices.thorlabs_elliptec.rotator import STEP_DEG, ElliptecRotator
+from sim_devices.thorlabs_elliptec.slider import ElliptecSlider
 from sim_devices.thorlabs_fw102c import ThorlabsFw102c
-from sim_devices.thorlabs_pm100 import ThorlabsPm100
+from sim_devices.thorlabs_pm100.meter import ThorlabsPm100
 from sim_devices.wheel import Wheel
 
 

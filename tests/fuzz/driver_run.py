@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 from garbling_port import FuzzClock, GarblingPort, open_link
 
-from drivers.link import Link
+from drivers.wire.link import Link
 from goniometer.errors import DeviceError
 from sim_devices.device import Device
 

@@ -9,33 +9,33 @@ from driver_run import Begin, Conversation, DriverRun
 from garbling_port import FuzzClock
 from target import Target
 
-from drivers.apt_port import AptPort
-from drivers.elliptec_bus import ElliptecBus
-from drivers.link import Link
-from drivers.modbus_frames import RtuFraming, TcpFraming
-from drivers.modbus_unit import ModbusUnit
-from drivers.newport_esp301 import NewportEsp301 as Esp301Driver
-from drivers.oriental_az import OrientalAz as AzDriver
-from drivers.smc_lec_controller import SmcLecController
-from drivers.smc_lec_registers import LecRegisters
-from drivers.sr830_lock_in import Sr830LockIn
-from drivers.thorlabs_apt import ThorlabsApt as AptDriver
-from drivers.thorlabs_elliptec import ElliptecRotator as EllDriver
+from drivers.modbus.frames import RtuFraming, TcpFraming
+from drivers.modbus.unit import ModbusUnit
+from drivers.newport_esp301.stage import NewportEsp301 as Esp301Driver
+from drivers.oriental_az.stage import OrientalAz as AzDriver
+from drivers.smc_lec.controller import SmcLecController
+from drivers.smc_lec.registers import LecRegisters
+from drivers.stanford_sr830.lock_in import Sr830LockIn
+from drivers.thorlabs_apt.port import AptPort
+from drivers.thorlabs_apt.stage import ThorlabsApt as AptDriver
+from drivers.thorlabs_elliptec.bus import ElliptecBus
+from drivers.thorlabs_elliptec.rotator import ElliptecRotator as EllDriver
 from drivers.thorlabs_fw102c import ThorlabsFw102c as WheelDriver
-from drivers.thorlabs_pm100 import ThorlabsPm100 as MeterDriver
-from sim_devices.apt_models import K10CR1
+from drivers.thorlabs_pm100.meter import ThorlabsPm100 as MeterDriver
+from drivers.wire.link import Link
 from sim_devices.axis import Axis
 from sim_devices.device import Device
-from sim_devices.elliptec_rotator import STEP_DEG, ElliptecRotator
-from sim_devices.modbus_tcp import ModbusTcp
-from sim_devices.newport_esp301 import NewportEsp301
-from sim_devices.oriental_az import OrientalAz
-from sim_devices.smc_lec import SmcLec
-from sim_devices.stanford_sr830 import StanfordSr830
-from sim_devices.thorlabs_apt import ThorlabsApt
-from sim_devices.thorlabs_elliptec import ThorlabsElliptec
+from sim_devices.modbus.tcp import ModbusTcp
+from sim_devices.newport_esp301.controller import NewportEsp301
+from sim_devices.oriental_az.drive import OrientalAz
+from sim_devices.smc_lec.controller import SmcLec
+from sim_devices.stanford_sr830.instrument import StanfordSr830
+from sim_devices.thorlabs_apt.controller import ThorlabsApt
+from sim_devices.thorlabs_apt.models import K10CR1
+from sim_devices.thorlabs_elliptec.bus import ThorlabsElliptec
+from sim_devices.thorlabs_elliptec.rotator import STEP_DEG, ElliptecRotator
 from sim_devices.thorlabs_fw102c import ThorlabsFw102c
-from sim_devices.thorlabs_pm100 import ThorlabsPm100
+from sim_devices.thorlabs_pm100.meter import ThorlabsPm100
 from sim_devices.wheel import Wheel
 
 _SPEED = {"velocity_deg_s": 10.0, "acceleration_deg_s2": 20.0}

@@ -14,9 +14,9 @@ from device_targets import WIRES
 from garbling_port import FuzzClock, open_link
 from parser_targets import APT_FRAMES, LINE_READERS, RTU_BODIES
 
-from drivers.apt_messages import Garbled, take_message
-from drivers.framing import take_frame
-from drivers.modbus_frames import RtuFraming, TcpFraming
+from drivers.modbus.frames import RtuFraming, TcpFraming
+from drivers.thorlabs_apt.messages import Garbled, take_message
+from drivers.wire.framing import take_frame
 from goniometer.errors import ReplyError
 
 MOST_KEPT_BYTES, MOST_GROWN_BYTES = 131_072, 4096

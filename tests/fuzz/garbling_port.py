@@ -10,8 +10,8 @@ from unittest.mock import patch
 from mutation import Mutator
 
 import drivers.clock
-import drivers.link
-from drivers.link import Link
+import drivers.wire.link
+from drivers.wire.link import Link
 from sim_devices.device import Device, Due
 
 _AS_FAST = 100.0
@@ -104,6 +104,6 @@ class GarblingPort:
 def open_link(port: GarblingPort, clock: FuzzClock, address: str = "socket://fuzz:1") -> Link:
     """A link on that port; from now on the links and deadlines of this process keep the clock's time."""
     time = SimpleNamespace(monotonic=clock.now)
-    drivers.link.time = drivers.clock.time = time  # type: ignore[assignment]
-    with patch.object(drivers.link, "TcpPort", lambda address, timeout_s: port):
+    drivers.wire.link.time = drivers.clock.time = time  # type: ignore[assignment]
+    with patch.object(drivers.wire.link, "TcpPort", lambda address, timeout_s: port):
         return Link(address, device="fuzz", reply_timeout_s=0.5, clock=clock)

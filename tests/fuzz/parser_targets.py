@@ -12,7 +12,10 @@ from crc16 import crc16, framed
 from stream_run import StreamRun, lines
 from target import Target
 
-from drivers.apt_messages import (
+from drivers.modbus.frames import RtuFraming, TcpFraming
+from drivers.newport_esp301.errors import parse_error as parse_esp301_error
+from drivers.stanford_sr830.lock_in import parse_condition, parse_sample
+from drivers.thorlabs_apt.messages import (
     HOST,
     Garbled,
     Message,
@@ -22,14 +25,11 @@ from drivers.apt_messages import (
     take_message,
     velocity_of,
 )
-from drivers.elliptec_packets import identity_of, parse_packet
-from drivers.framing import take_exactly
-from drivers.modbus_frames import RtuFraming, TcpFraming
-from drivers.newport_esp301_errors import parse_error as parse_esp301_error
-from drivers.reply_text import number, switch, whole_number
-from drivers.sr830_lock_in import parse_condition, parse_sample
+from drivers.thorlabs_elliptec.packets import identity_of, parse_packet
 from drivers.thorlabs_fw102c import parse_exchange
-from drivers.thorlabs_pm100_errors import parse_error as parse_pm100_error
+from drivers.thorlabs_pm100.errors import parse_error as parse_pm100_error
+from drivers.wire.framing import take_exactly
+from drivers.wire.reply_text import number, switch, whole_number
 from goniometer.errors import ReplyError
 
 _UNIT = 1

@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 
 from mutation import Mutator
 
-from drivers.framing import take_frame
+from drivers.wire.framing import take_frame
 
 _LONGEST_LEFT = 8192
 

@@ -7,10 +7,10 @@ from dataclasses import replace
 import pytest
 from numpy.testing import assert_allclose
 
-from sim_devices.apt_messages import AptMessage, AptReader
-from sim_devices.apt_models import BSC200_HDR50, K10CR1, KDC101_PRM1Z8
 from sim_devices.axis import Axis
-from sim_devices.thorlabs_apt import ThorlabsApt
+from sim_devices.thorlabs_apt.controller import ThorlabsApt
+from sim_devices.thorlabs_apt.messages import AptMessage, AptReader
+from sim_devices.thorlabs_apt.models import BSC200_HDR50, K10CR1, KDC101_PRM1Z8
 
 MOVING, HOMING, HOMED, SETTLED, ENABLED = 0x30, 0x200, 0x400, 0x2000, 0x8000_0000
 REQ_STATUS, REQ_SERVO_STATUS = b"\x80\x04\x01\x00\x50\x01", b"\x90\x04\x01\x00\x50\x01"

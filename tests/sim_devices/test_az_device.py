@@ -6,8 +6,8 @@ import pytest
 from numpy.testing import assert_allclose
 
 from sim_devices.axis import Axis
-from sim_devices.modbus_rtu import crc16
-from sim_devices.oriental_az import OrientalAz
+from sim_devices.modbus.rtu import crc16
+from sim_devices.oriental_az.drive import OrientalAz
 
 STATUS, POSITION, DIRECT, INPUT, ONE_SHOT = 0x007E, 0x00CC, 0x0058, 0x007C, 0x0074
 HOME_END, READY, ALARM, MOVE, IN_POS = 1 << 4, 1 << 5, 1 << 7, 1 << 13, 1 << 14

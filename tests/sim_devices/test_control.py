@@ -10,8 +10,8 @@ from numpy.testing import assert_allclose
 
 from goniometer.errors import DeviceFaultError, NotConnectedError, ReplyError
 from sim_devices.bench import Address, Bench
-from sim_devices.clock import ScaledClock, VirtualClock
-from sim_devices.control import ControlServer, RemoteClock
+from sim_devices.serving.clock import ScaledClock, VirtualClock
+from sim_devices.serving.control import ControlServer, RemoteClock
 
 TEXT = "scene: ground iron # Δ\n"
 

@@ -6,9 +6,9 @@ import pytest
 from numpy.testing import assert_allclose
 
 from sim_devices.axis import Axis
-from sim_devices.elliptec_rotator import ELL18, STEP_DEG, ElliptecRotator
-from sim_devices.elliptec_slider import ELL6, ELL9, ElliptecSlider
-from sim_devices.thorlabs_elliptec import ThorlabsElliptec
+from sim_devices.thorlabs_elliptec.bus import ThorlabsElliptec
+from sim_devices.thorlabs_elliptec.rotator import ELL18, STEP_DEG, ElliptecRotator
+from sim_devices.thorlabs_elliptec.slider import ELL6, ELL9, ElliptecSlider
 from sim_devices.wheel import Wheel
 
 BYTE_S = 10 / 9600

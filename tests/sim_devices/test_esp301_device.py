@@ -4,7 +4,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from sim_devices.axis import Axis
-from sim_devices.newport_esp301 import NewportEsp301
+from sim_devices.newport_esp301.controller import NewportEsp301
 
 
 @pytest.fixture

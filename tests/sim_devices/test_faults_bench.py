@@ -10,11 +10,11 @@ from pydantic import ValidationError
 
 from goniometer.errors import ConfigurationError
 from sim_devices.bench import Address, Bench
-from sim_devices.clock import VirtualClock
-from sim_devices.control import ControlServer, RemoteClock
 from sim_devices.faults.faulty_port import FaultySession
 from sim_devices.faults.known import one_fault
-from sim_devices.modbus_rtu import crc16
+from sim_devices.modbus.rtu import crc16
+from sim_devices.serving.clock import VirtualClock
+from sim_devices.serving.control import ControlServer, RemoteClock
 
 POSITION = bytes.fromhex("01 03 00 CC 00 02")
 POSITION += crc16(POSITION)

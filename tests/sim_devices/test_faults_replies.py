@@ -6,7 +6,7 @@ from numpy.testing import assert_allclose
 
 from sim_devices.faults.faulty_port import FaultyPort, FaultySession
 from sim_devices.faults.known import one_fault
-from sim_devices.modbus_rtu import crc16
+from sim_devices.modbus.rtu import crc16
 
 REPLY = b"12.500000\r\n"
 

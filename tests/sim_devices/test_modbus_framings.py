@@ -7,10 +7,10 @@ import pytest
 from numpy.testing import assert_allclose
 
 from sim_devices.axis import Axis
-from sim_devices.modbus_rtu import RtuSession, crc16
-from sim_devices.modbus_tcp import ModbusTcp
-from sim_devices.oriental_az import OrientalAz
-from sim_devices.smc_lec import SmcLec
+from sim_devices.modbus.rtu import RtuSession, crc16
+from sim_devices.modbus.tcp import ModbusTcp
+from sim_devices.oriental_az.drive import OrientalAz
+from sim_devices.smc_lec.controller import SmcLec
 
 
 def rtu(text, unit=1):

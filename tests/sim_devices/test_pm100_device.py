@@ -5,8 +5,8 @@ import math
 import pytest
 from numpy.testing import assert_allclose
 
-from sim_devices import scpi
-from sim_devices.thorlabs_pm100 import ThorlabsPm100
+from sim_devices.thorlabs_pm100 import scpi
+from sim_devices.thorlabs_pm100.meter import ThorlabsPm100
 from sim_devices.world import World
 
 

@@ -3,10 +3,10 @@
 import pytest
 
 from sim_devices.axis import Axis
-from sim_devices.elliptec_rotator import STEP_DEG, ElliptecRotator
-from sim_devices.elliptec_slider import ElliptecSlider
-from sim_devices.shared_line import SharedLine
-from sim_devices.thorlabs_elliptec import ThorlabsElliptec
+from sim_devices.serving.shared_line import SharedLine
+from sim_devices.thorlabs_elliptec.bus import ThorlabsElliptec
+from sim_devices.thorlabs_elliptec.rotator import STEP_DEG, ElliptecRotator
+from sim_devices.thorlabs_elliptec.slider import ElliptecSlider
 from sim_devices.wheel import Wheel
 
 

@@ -9,8 +9,8 @@ from numpy.testing import assert_allclose
 
 from goniometer.errors import DeviceFaultError
 from sim_devices.bench import Address, Bench
-from sim_devices.clock import ScaledClock, VirtualClock
-from sim_devices.modbus_rtu import crc16
+from sim_devices.modbus.rtu import crc16
+from sim_devices.serving.clock import ScaledClock, VirtualClock
 
 NOISE = [{"effect": "shot_noise"}, {"effect": "read_noise", "power_w": 2e-11}]
 

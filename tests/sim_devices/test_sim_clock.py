@@ -5,7 +5,7 @@ import time
 import pytest
 from numpy.testing import assert_allclose
 
-from sim_devices.clock import ScaledClock, VirtualClock
+from sim_devices.serving.clock import ScaledClock, VirtualClock
 
 
 @pytest.fixture

@@ -6,8 +6,8 @@ import pytest
 from numpy.testing import assert_allclose
 
 from sim_devices.axis import Axis
-from sim_devices.modbus_rtu import crc16
-from sim_devices.smc_lec import SmcLec
+from sim_devices.modbus.rtu import crc16
+from sim_devices.smc_lec.controller import SmcLec
 
 HOLD, SVON, DRIVE, RESET, SETUP, JOG_MINUS, JOG_PLUS, SERIAL = 0x18, 0x19, 0x1A, 0x1B, 0x1C, 0x1D, 0x1E, 0x30
 BUSY, SVRE, SETON, INP, AREA, ESTOP, ALARM = 0x48, 0x49, 0x4A, 0x4B, 0x4C, 0x4E, 0x4F

@@ -6,8 +6,8 @@ import random
 import pytest
 from numpy.testing import assert_allclose
 
-from sim_devices.low_pass import LowPass
-from sim_devices.stanford_sr830 import StanfordSr830
+from sim_devices.stanford_sr830.instrument import StanfordSr830
+from sim_devices.stanford_sr830.low_pass import LowPass
 
 FULL_W = 1e-6
 VOLTS_PER_WATT = 1e5

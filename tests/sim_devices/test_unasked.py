@@ -5,8 +5,8 @@ import time
 import pytest
 
 from sim_devices.bench import Address
-from sim_devices.clock import ScaledClock, VirtualClock
-from sim_devices.reactor import Reactor
+from sim_devices.serving.clock import ScaledClock, VirtualClock
+from sim_devices.serving.reactor import Reactor
 
 
 class Talker:

@@ -7,7 +7,7 @@ import yaml
 
 from goniometer.bench import served_ports, simulate
 from goniometer.load_files import load_scene
-from sim_devices.control import ControlServer
+from sim_devices.serving.control import ControlServer
 
 AXIS = {"velocity_deg_s": 20, "acceleration_deg_s2": 80, "settle_s": 0.05, "tolerance_deg": 0.005}
 SLOTS = {1: "open", 2: 0, 3: 45, 4: 90, 5: 135, 6: "blocked"}

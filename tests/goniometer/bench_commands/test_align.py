@@ -137,7 +137,7 @@ def test_a_saturated_detector_ends_the_scan(serve, told, monkeypatch):
         raise DeviceFaultError("meter", "the detector was saturated", not_done="the reading", to_do="weaken the beam")
 
     bench = serve()
-    monkeypatch.setattr("drivers.thorlabs_pm100.ThorlabsPm100.power_w", saturated)
+    monkeypatch.setattr("drivers.thorlabs_pm100.meter.ThorlabsPm100.power_w", saturated)
     with pytest.raises(DeviceFaultError, match="saturated"):
         aligned(bench, "detector_arm", told)
     assert not bench.is_moving()

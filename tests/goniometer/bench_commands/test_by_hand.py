@@ -123,7 +123,7 @@ def test_homing_is_allowed_where_the_whole_travel_is_free(serve, told):
 
 def test_an_axis_that_is_not_homed_may_stand_anywhere(serve, told, monkeypatch):
     bench = serve(zones=[POST])
-    monkeypatch.setattr("drivers.newport_esp301.Esp301Stage.is_homed", lambda stage: stage.name != "detector_arm")
+    monkeypatch.setattr("drivers.newport_esp301.stage.Esp301Stage.is_homed", lambda stage: stage.name != "detector_arm")
     with pytest.raises(CollisionError, match="detector_arm anywhere from -85° to 85°"):
         home(bench.rig, ("source_arm",), told.append, told.append, way_is_clear=False)
     assert bench.motor_deg("source_arm") == 0
@@ -137,7 +137,7 @@ def test_a_person_may_say_that_the_way_is_clear(serve, told):
 
 def test_a_stage_that_has_not_found_its_zero_is_an_error(serve, told, monkeypatch):
     bench = serve()
-    monkeypatch.setattr("drivers.newport_esp301.Esp301Stage.is_homed", lambda stage: False)
+    monkeypatch.setattr("drivers.newport_esp301.stage.Esp301Stage.is_homed", lambda stage: False)
     with pytest.raises(DeviceFaultError, match="the search has ended, and that the zero is not known"):
         home(bench.rig, ("source_arm",), told.append, told.append, way_is_clear=False)
 
@@ -160,7 +160,7 @@ def test_reading_gives_positions_slot_and_the_spread_of_readings(serve, told):
 
 def test_an_axis_that_is_not_homed_is_told_of(serve, told, monkeypatch):
     bench = serve()
-    monkeypatch.setattr("drivers.newport_esp301.Esp301Stage.is_homed", lambda stage: stage.name != "detector_arm")
+    monkeypatch.setattr("drivers.newport_esp301.stage.Esp301Stage.is_homed", lambda stage: stage.name != "detector_arm")
     reading = read(bench.rig, 0.1, None, 1, told.append)
     assert reading.not_homed == ("detector_arm",)
     assert "this position means nothing" in str(reading).splitlines()[1]
@@ -211,7 +211,7 @@ def test_a_device_that_fails_leaves_the_others_at_rest(serve, told, monkeypatch)
     def fails(self):
         raise DeviceFaultError("source_arm", "it burns", not_done="the move", to_do="put it out")
 
-    monkeypatch.setattr("drivers.newport_esp301.Esp301Stage.is_moving", fails)
+    monkeypatch.setattr("drivers.newport_esp301.stage.Esp301Stage.is_moving", fails)
     with pytest.raises(BaseExceptionGroup, match="not every device could be stopped"):
         move(bench.rig, "source_arm", 80, told.append, told.append)
     bench.sim.clock.sleep(1.0)

@@ -9,12 +9,12 @@ import time
 import pytest
 import yaml
 
-from drivers.newport_esp301 import Esp301Stage
+from drivers.newport_esp301.stage import Esp301Stage
 from goniometer.bench_commands.port_lock import held_ports
 from goniometer.bench_commands.stop import stop
 from goniometer.errors import ConfigurationError, DeviceFaultError, NotConnectedError
 from goniometer.run_recipe import run
-from sim_devices.control import RemoteClock
+from sim_devices.serving.control import RemoteClock
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="signals of this kind exist on POSIX only")
 
@@ -144,7 +144,7 @@ def test_an_axis_that_does_not_obey_is_told_of(serve, told, monkeypatch):
     def fails(self):
         raise DeviceFaultError(self.name, "it burns", not_done="the stop", to_do="put it out")
 
-    monkeypatch.setattr("drivers.newport_esp301.Esp301Stage.stop", fails)
+    monkeypatch.setattr("drivers.newport_esp301.stage.Esp301Stage.stop", fails)
     assert not stop(serve().rig, told.append)
     assert sum("NOT STOPPED" in line and "it burns" in line for line in told) == 3
 

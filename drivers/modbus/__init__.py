@@ -1,0 +1,1 @@
+"""Modbus as its masters speak it: frames, a port, and one unit behind it."""

@@ -1,0 +1,1 @@
+"""The Newport ESP300 and ESP301 motion controllers."""

@@ -1,0 +1,1 @@
+"""SMC LEC controllers, and the tables that fix what their axes can do."""

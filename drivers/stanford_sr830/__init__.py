@@ -1,0 +1,1 @@
+"""The Stanford Research SR830 lock-in amplifier."""

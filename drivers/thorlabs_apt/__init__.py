@@ -1,0 +1,1 @@
+"""Thorlabs controllers that speak APT: K10CR1, BSC201, KDC101."""

@@ -1,0 +1,1 @@
+"""Thorlabs Elliptec rotators and sliders, several on one bus."""

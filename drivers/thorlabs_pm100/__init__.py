@@ -1,0 +1,1 @@
+"""The Thorlabs PM100 family of power meters."""

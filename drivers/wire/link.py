@@ -1,0 +1,249 @@
+"""One port, owned by one object: framing, deadlines, repeats and reconnection for the devices that are on it."""
+
+from __future__ import annotations
+
+import copy
+import logging
+import time
+from collections.abc import Callable
+from typing import TypeVar
+
+from drivers.clock import Clock, WallClock
+from drivers.wire import link_errors
+from drivers.wire.framing import take_exactly, take_frame
+from drivers.wire.ports import PORT_ERRORS, TCP_SCHEMES, Port, SerialPort, TcpPort
+from drivers.wire.wire_log import WireLog
+from goniometer.errors import NotConnectedError, ReplyError, ReplyTimeoutError
+
+T = TypeVar("T")
+
+_LONGEST_FRAME = 4096
+_MOST_ATTEMPTS = 3
+_PAUSES_S = (0.1, 0.2, 0.4, 0.8, 1.6, 3.2)  # a USB adapter is back some 2 s after it was plugged in
+_log = logging.getLogger(__name__)
+
+
+class Link:
+    """An open port.
+
+    Parameters
+    ----------
+    port : str
+        ``COM3``, ``/dev/ttyUSB0``, ``socket://host:port`` or any other address that pyserial opens.
+    device : str
+        Name of the device at the other end, for messages and for the wire log.
+    baudrate : int
+        Bits per second; without effect on a socket.
+    parity : str
+        ``"N"`` none, ``"E"`` even or ``"O"`` odd; without effect on a socket.
+    rtscts : bool
+        Whether the device uses RTS/CTS hardware handshake.
+    reply_timeout_s : float
+        Longest wait for one answer, and for the device to take one command, in real seconds.
+    clock : Clock, optional
+        Counts the pauses between attempts to connect again; real time when not given.
+    wire_log : WireLog, optional
+        Where every byte is written down; nowhere when not given.
+
+    Raises
+    ------
+    NotConnectedError
+        When the port cannot be opened, and from every method once the link is gone.
+    """
+
+    def __init__(
+        self,
+        port: str,
+        *,
+        device: str,
+        baudrate: int = 115200,
+        parity: str = "N",
+        rtscts: bool = False,
+        reply_timeout_s: float = 1.0,
+        clock: Clock | None = None,
+        wire_log: WireLog | None = None,
+    ) -> None:
+        self.port, self.device = port, device
+        self._is_socket = port.startswith(TCP_SCHEMES)
+        self._port: Port = (
+            TcpPort(port, timeout_s=reply_timeout_s)
+            if self._is_socket
+            else SerialPort(port, baudrate=baudrate, parity=parity, rtscts=rtscts, timeout_s=reply_timeout_s)
+        )
+        self._reply_timeout_s = reply_timeout_s
+        self._clock: Clock = WallClock() if clock is None else clock
+        self._wire_log = wire_log
+        self._received = bytearray()
+        self._last_written = b""
+        self._on_reopen: list[Callable[[], None]] = []
+        self._open()
+
+    def for_device(self, device: str) -> Link:
+        """Return the same port under the name of another device on it."""
+        link = copy.copy(self)
+        link.device = device
+        return link
+
+    def write(self, data: bytes) -> None:
+        """Send `data`; raises ReplyTimeoutError when the device does not take it."""
+        self._last_written = data
+        if self._is_socket:
+            self._received += self._receive(0.0)  # bytes sent after the other end has hung up vanish without an error
+        if self._wire_log is not None:
+            self._wire_log.sent(self.device, data)
+        try:
+            self._port.send(data)
+        except TimeoutError as error:
+            raise link_errors.not_taken(self.device, self.port, data, self._reply_timeout_s) from error
+        except PORT_ERRORS as error:
+            raise link_errors.lost(self.device, self.port, error) from error
+
+    def read(self, take: Callable[[bytearray], T | None], timeout_s: float | None = None) -> T:
+        """Wait for the next frame.
+
+        Parameters
+        ----------
+        take : callable
+            Removes the first whole frame from the bytes received and returns it; None, and nothing removed that
+            belongs to a frame, when more is needed.
+        timeout_s : float, optional
+            Longest wait in real seconds, however slowly bytes drip in; the link's reply timeout when not given.
+
+        Raises
+        ------
+        ReplyTimeoutError
+            When the frame is not complete in time.
+        ReplyError
+            When the device sends on and on without a frame.
+        """
+        limit_s = left_s = self._reply_timeout_s if timeout_s is None else timeout_s
+        end_s = time.monotonic() + limit_s
+        while (frame := self._take(take)) is None:
+            if left_s <= 0:
+                raise link_errors.unanswered(self.device, self.port, self._last_written, limit_s, bytes(self._received))
+            left_s = end_s - time.monotonic()
+            self._received += self._receive(max(left_s, 0.0))
+        return frame
+
+    def poll(self, take: Callable[[bytearray], T | None]) -> T | None:
+        """Return the next frame if it has come, else None; never waits. Raises ReplyError as `read` does."""
+        self._received += self._receive(0.0)
+        return self._take(take)
+
+    def read_until(self, terminator: bytes, timeout_s: float | None = None) -> bytes:
+        """Wait for the next frame, as `read` does, and return it without its terminator."""
+        return self.read(lambda received: take_frame(received, terminator), timeout_s)
+
+    def read_exactly(self, length: int, timeout_s: float | None = None) -> bytes:
+        """Wait for the next `length` bytes, as `read` does."""
+        return self.read(lambda received: take_exactly(received, length), timeout_s)
+
+    def poll_until(self, terminator: bytes) -> bytes | None:
+        """Return the next frame without its terminator if it has come, as `poll` does."""
+        return self.poll(lambda received: take_frame(received, terminator))
+
+    def has_input(self) -> bool:
+        """Whether anything has come that was not read; never waits."""
+        self._received += self._receive(0.0)
+        return bool(self._received)
+
+    def discard_input(self, quiet_s: float = 0.0) -> None:
+        """Throw away all that has come, until nothing comes for `quiet_s` real seconds.
+
+        Raises
+        ------
+        ReplyError
+            When the device sends on and on for the reply timeout.
+        """
+        end_s = time.monotonic() + self._reply_timeout_s
+        self._received.clear()
+        while data := self._receive(quiet_s):
+            if time.monotonic() > end_s:
+                raise link_errors.restless(self.device, self.port, data[:40])
+
+    def until_answered(self, exchange: Callable[[], T]) -> T:
+        """Do an exchange that is safe to repeat, up to three times until it is answered; never for a motion.
+
+        Raises
+        ------
+        ReplyTimeoutError, ReplyError
+            From the third attempt.
+        """
+        for attempt in range(1, _MOST_ATTEMPTS):
+            try:
+                return exchange()
+            except (ReplyTimeoutError, ReplyError) as error:
+                self._note(f"attempt {attempt} failed and is repeated: {error.happened}")
+        return exchange()
+
+    def reopen(self) -> None:
+        """Close the port and open it again, once; raises NotConnectedError."""
+        self.close()
+        self._received.clear()
+        self._open()
+        for forget in self._on_reopen:
+            forget()
+
+    def reconnect(self) -> None:
+        """Reopen the port, again and again after longer and longer pauses; raises NotConnectedError after some 6 s."""
+        for pause_s in _PAUSES_S:
+            try:
+                self.reopen()
+                break
+            except NotConnectedError as error:
+                self._note(f"the next attempt to connect follows in {pause_s:g} s: {error.happened}")
+            self._clock.sleep(pause_s)
+        else:
+            self.reopen()
+        self._note("connected again")
+
+    def on_reopen(self, forget: Callable[[], None]) -> None:
+        """Have `forget` called whenever the port was opened afresh, by whichever of its devices.
+
+        It sends nothing: it notes that answers still to come will not come, and that what was known of the device, such
+        as its position, has to be asked for again.
+        """
+        self._on_reopen.append(forget)
+
+    def set_rts(self, *, on: bool) -> None:
+        """Set the RTS line; without effect on ports that have none, such as sockets."""
+        try:
+            self._port.set_rts(on=on)
+        except PORT_ERRORS as error:
+            raise link_errors.lost(self.device, self.port, error) from error
+
+    def fileno(self) -> int:
+        """Return a descriptor that `select` can wait for."""
+        return self._port.fileno()
+
+    def close(self) -> None:
+        """Close the port; may be called again."""
+        self._port.close()
+
+    def _open(self) -> None:
+        try:
+            self._port.open()
+        except PORT_ERRORS as error:
+            raise link_errors.cannot_open(self.device, self.port, error) from error
+
+    def _take(self, take: Callable[[bytearray], T | None]) -> T | None:
+        frame = take(self._received)
+        if frame is None and len(self._received) > _LONGEST_FRAME:
+            beginning = bytes(self._received[:40])
+            self._received.clear()
+            raise link_errors.endless(self.device, self.port, _LONGEST_FRAME, beginning)
+        return frame
+
+    def _receive(self, wait_s: float) -> bytes:
+        try:
+            data = self._port.receive(wait_s)
+        except PORT_ERRORS as error:
+            raise link_errors.lost(self.device, self.port, error) from error
+        if data and self._wire_log is not None:
+            self._wire_log.received(self.device, data)
+        return data
+
+    def _note(self, event: str) -> None:
+        _log.warning("%s: %s", self.device, event)
+        if self._wire_log is not None:
+            self._wire_log.event(self.device, event)

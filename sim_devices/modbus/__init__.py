@@ -1,0 +1,1 @@
+"""Modbus as its slaves speak it: functions, and the RTU and TCP framings."""

@@ -1,0 +1,1 @@
+"""A Newport ESP301 controller and its axes."""

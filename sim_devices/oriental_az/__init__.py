@@ -1,0 +1,1 @@
+"""An Oriental Motor AZ drive and its motor."""

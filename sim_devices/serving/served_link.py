@@ -1,0 +1,42 @@
+"""One client of a bench: its port, its session, and what is on its way to it."""
+
+from __future__ import annotations
+
+import selectors
+from dataclasses import dataclass, field
+
+from sim_devices.device import Device, Session
+from sim_devices.serving.ports import Port
+
+# a client that does not read its replies is not listened to while this much waits for it
+_MOST_WAITING_BYTES = 65536
+
+
+@dataclass(eq=False)
+class ServedLink:
+    """A client as the reactor sees it; `watched` are the events it waits for, `wanted` those that it should."""
+
+    port: Port
+    device: Device
+    session: Session
+    scheduled_bytes: int = 0
+    unsent: bytearray = field(default_factory=bytearray)
+    has_ended: bool = False
+    watched: int = 0
+
+    @property
+    def wanted(self) -> int:
+        """The events to wait for now."""
+        waiting_bytes = self.scheduled_bytes + len(self.unsent)
+        listens = not self.has_ended and waiting_bytes < _MOST_WAITING_BYTES
+        return (selectors.EVENT_READ if listens else 0) | (selectors.EVENT_WRITE if self.unsent else 0)
+
+    @property
+    def is_done(self) -> bool:
+        """Whether the client has ended and has been answered."""
+        return self.has_ended and not self.unsent and not self.scheduled_bytes
+
+    def take(self, said: bytes, *, is_reply: bool) -> None:
+        """Take what is to be sent; what was not asked for is lost on a client that does not read."""
+        if is_reply or len(self.unsent) < _MOST_WAITING_BYTES:
+            self.unsent += said

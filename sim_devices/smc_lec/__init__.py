@@ -1,0 +1,1 @@
+"""An SMC LEC controller and its step table."""

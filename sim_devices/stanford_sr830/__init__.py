@@ -1,0 +1,1 @@
+"""A Stanford Research SR830 lock-in amplifier."""

@@ -1,0 +1,1 @@
+"""Thorlabs APT controllers and their motors."""

@@ -1,0 +1,1 @@
+"""A Thorlabs PM100 power meter and its photodiode head."""
