@@ -14,10 +14,10 @@ demo: .venv/installed
 	$(BIN)/goniometer run recipes/iron_60deg.yaml --speed 20
 
 test: .venv/installed
-	$(BIN)/python -m pytest
+	$(BIN)/python -m pytest -n auto
 
 long: .venv/installed
-	$(BIN)/python -m pytest -m long
+	$(BIN)/python -m pytest -n auto -m long
 
 interop: .venv/installed .venv-interop/installed
 	$(BIN)/python -m pytest -m interop -rs tests/interop
