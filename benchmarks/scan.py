@@ -36,6 +36,12 @@ class InMemory:
     def __init__(self):
         self._position = 0
 
+    def connect(self):
+        return ()
+
+    def reconnect(self):
+        pass
+
     def start_move(self, target):
         self._position = target
 
