@@ -7,7 +7,7 @@ The public face re-exports lazily, so that ``import goniometer`` stays cheap::
     Dataset        measured values with their errors                    (model)
     fit            fit a surface model to measured values               (model)
     read           measured values out of a run, NeXus file or table    (goniometer)
-    load           the readings, Stokes points and fit of a run         (goniometer)
+    load           a run as an xarray.Dataset                           (goniometer)
     run            run a recipe                                         (goniometer)
     simulate       serve a scene as a simulated bench                   (goniometer)
 """
@@ -30,7 +30,7 @@ _PUBLIC = {
     "read": ("goniometer.fitting.input", "read"),
     "run": ("goniometer.run_recipe", "run"),
     "simulate": ("goniometer.bench", "simulate"),
-    "load": ("goniometer.run_folder", "load"),
+    "load": ("goniometer.labelled", "load"),
 }
 __all__ = ["Dataset", "Surface", "SurfaceFamily", "__version__", "fit", "load", "read", "run", "simulate"]
 
@@ -45,7 +45,7 @@ def _refuse_hidden_parts() -> None:
     for name in _PARTS:
         spec = importlib.util.find_spec(name)
         if spec is None:
-            raise ImportError(f"goniometer's package '{name}' is not installed. Reinstall: pip install goniometer")
+            raise ImportError(f"goniometer's package '{name}' is not installed. Install it again from its source.")
         found = Path(spec.origin or next(iter(spec.submodule_search_locations or [""]), "")).resolve()
         if found != home / name / "__init__.py":
             raise ImportError(

@@ -35,7 +35,8 @@ _LONGEST_NAME = 60
 class MeasuredRun:
     """What a run measured: its readings, and the Stokes points they reduce to.
 
-    `about` holds the texts and versions that the journal remembers.
+    `about` holds the texts and versions that the journal remembers; `doubts` are what a person should know of the light
+    before believing in the points, such as directions that are left out because nobody knows how bright the lamp was.
     """
 
     folder: Path
@@ -44,6 +45,7 @@ class MeasuredRun:
     readings: tuple[Reading, ...]
     points: tuple[StokesPoint, ...]
     about: dict[str, str]
+    doubts: tuple[str, ...]
 
 
 @dataclass(frozen=True)
@@ -108,15 +110,16 @@ def measured(folder: str | Path) -> MeasuredRun:
         readings, about = stored.readings(), stored.about()
     recipe = Recipe.model_validate(yaml.safe_load(about["recipe"]))
     rig = Rig.model_validate(yaml.safe_load(about["rig"]))
-    points = reduction(recipe, rig).scan(readings)
+    reduced_by = reduction(recipe, rig)
+    points = reduced_by.scan(readings)
     if not points:
         raise ReductionError(
             f"{folder} holds {len(readings)} readings and not one finished direction: there is nothing to reduce."
         )
-    return MeasuredRun(folder, recipe, rig, readings, points, about)
+    return MeasuredRun(folder, recipe, rig, readings, points, about, reduced_by.doubts(readings, points))
 
 
-def load(folder: str | Path) -> StoredRun:
+def stored_run(folder: str | Path) -> StoredRun:
     """Read a run back from its journal: reduce its readings and fit them, as `goniometer fit` does.
 
     Parameters

@@ -23,7 +23,7 @@ def test_an_unknown_name_is_an_attribute_error():
 
 
 def test_import_loads_nothing_heavy():
-    heavy = ("numpy", "scipy", "cv2", "matplotlib")
+    heavy = ("numpy", "scipy", "cv2", "matplotlib", "xarray", "pandas")
     code = f"import sys, goniometer, goniometer.cli; print([name for name in {heavy} if name in sys.modules])"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"

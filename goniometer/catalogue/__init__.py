@@ -1,0 +1,1 @@
+"""The runs that a folder holds: list, search, open."""

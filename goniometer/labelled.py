@@ -1,0 +1,185 @@
+"""A stored run as an `xarray.Dataset`: every value with its dimensions, coordinates, unit and meaning."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import fields
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from acquisition.fit_points import in_degrees
+from acquisition.readings import Reading, StokesPoint
+from goniometer.directions import Directions, directions_of
+from goniometer.errors import ConfigurationError
+from goniometer.run_folder import StoredRun, stored_run
+
+if TYPE_CHECKING:
+    import xarray
+
+Variable = tuple[Sequence[str], NDArray[Any], dict[str, str]]
+"""Dimensions, values and attributes."""
+
+_UNITS = {"_per_sr2": "sr-2", "_per_sr": "sr-1", "_deg": "degree", "_nm": "nm", "_s": "s", "_w": "W"}
+"""By the end of a name; what ends otherwise is a ratio, a count or a word."""
+_LONG_NAMES = {
+    "stokes": "Stokes component of the light that leaves the sample",
+    "stokes_2": "Stokes component, of the other one of a covariance",
+    "incidence_deg": "angle of incidence from the surface normal",
+    "exit_deg": "exit angle from the surface normal, above 0 on the mirror side",
+    "azimuth_deg": "turn of the sample about its normal",
+    "wavelength_nm": "wavelength of the light",
+    "point": "number of the direction in the scan",
+    "stokes_per_sr": "Stokes parameters per unit irradiance; above 0 S1 is s-polarized, S2 at +45 degrees from s, S3 "
+    "turns clockwise for the receiver",
+    "stokes_stderr_per_sr": "standard error of the Stokes parameters",
+    "stokes_covariance_per_sr2": "covariance of the Stokes parameters",
+    "stokes_fit_per_sr": "Stokes parameters of the fitted model; NaN for a component that it does not give",
+    "dolp": "degree of linear polarization",
+    "dolp_debiased": "degree of linear polarization without the bias of noise",
+    "dolp_stderr": "standard error of the degree of linear polarization",
+    "aolp_deg": "angle of linear polarization from the s-direction",
+    "aolp_stderr_deg": "standard error of the angle of linear polarization",
+    "docp": "degree of circular polarization, S3/S0: above 0 turns clockwise for the receiver",
+    "docp_stderr": "standard error of the degree of circular polarization",
+    "dop": "degree of polarization, linear and circular together",
+    "dop_stderr": "standard error of the degree of polarization",
+    "parameter": "parameter of the fitted model",
+    "parameter_2": "parameter of the fitted model, the other one of a correlation",
+    "fit_value": "fitted value, in the unit that the parameter's name ends in",
+    "fit_stderr": "standard error of the fitted value; NaN at a bound",
+    "fit_at_bound": "whether the parameter ended at a bound",
+    "fit_correlation": "correlation of the fitted values; NaN at a bound",
+    "chi_square": "sum of the squared residuals of the fit, in standard deviations",
+    "degrees_of_freedom": "values fitted less free parameters",
+    "reading_kind": "signal, dark or reference",
+    "reading_analyzer_deg": "angle of the analyzer from the s-direction; NaN without a polarizer",
+    "reading_retarder_deg": "angle of the fast axis of a retarder before the analyzer; NaN without one",
+    "reading_retardance_deg": "retardance of a retarder before the analyzer; NaN without one",
+    "reading_power_w": "optical power",
+    "reading_time_s": "time on the bench's clock",
+}
+
+
+def load(run: str | Path) -> xarray.Dataset:
+    """Read a run back with labelled dimensions: Stokes points and their fit, and the raw readings beside them.
+
+    Parameters
+    ----------
+    run : str or Path
+        The run's folder, of a finished scan or of one that was cut short, or the journal in it.
+
+    Returns
+    -------
+    xarray.Dataset
+        Directions have the dimension `exit_deg`, and `incidence_deg` and `azimuth_deg` where these take several values;
+        when not every combination was measured exactly once, they have the one dimension `point`. Stokes parameters
+        have the dimension `stokes` besides, raw readings `reading`, fitted parameters `parameter`. Every variable has
+        the attribute `long_name`, and `units` unless it holds words; recipe, rig, scene and versions are attributes of
+        the dataset. What was nowhere measured is no variable. When the points could not be fitted, the attribute
+        `fit_refusal` says why.
+
+    Raises
+    ------
+    ConfigurationError
+        When xarray is not installed.
+    JournalError
+        When there is no readable journal.
+    ReductionError
+        When the readings cannot be reduced, or no direction was finished.
+    """
+    try:
+        import xarray
+    except ImportError as error:
+        raise ConfigurationError(
+            [
+                "goniometer.load returns an xarray.Dataset, and xarray is not installed. Nothing was read. "
+                "Run: pip install 'goniometer[xarray]', or read the run's stokes.csv."
+            ]
+        ) from error
+    stored = stored_run(run)
+    tolerances_deg = {role: axis.tolerance_deg for role, axis in stored.rig.axes().items()}
+    directions = directions_of(stored.points, tolerances_deg)
+    components = [f"S{place}" for place in range(stored.points[0].stokes.size)]
+    coordinates: dict[str, Variable] = {
+        **{name: _labelled(name, dims, values) for name, (dims, values) in directions.coordinates.items()},
+        "stokes": _labelled("stokes", ["stokes"], components),
+        "stokes_2": _labelled("stokes_2", ["stokes_2"], components),
+        "wavelength_nm": _labelled("wavelength_nm", [], stored.recipe.wavelength_nm),
+    }
+    if stored.fit is not None:
+        for name in ("parameter", "parameter_2"):
+            coordinates[name] = _labelled(name, [name], list(in_degrees(stored.fit).parameters))
+    variables = _points(stored, directions) | _fit(stored) | _readings(stored.readings)
+    return xarray.Dataset(variables, coordinates, _attributes(stored))
+
+
+def _points(run: StoredRun, directions: Directions) -> dict[str, Variable]:
+    stokes = np.array([point.stokes for point in run.points])
+    covariance = np.array([point.covariance for point in run.points])
+    vectors: dict[str, NDArray[Any]] = {
+        "stokes_per_sr": stokes,
+        "stokes_stderr_per_sr": np.sqrt(np.diagonal(covariance, axis1=1, axis2=2)),
+        "stokes_covariance_per_sr2": covariance,
+    }
+    if run.fit is not None:
+        fitted = vectors["stokes_fit_per_sr"] = np.full_like(stokes, np.nan)
+        fitted[:, : run.fit.stokes.shape[1]] = run.fit.stokes[:, : stokes.shape[1]]
+    is_placed = {"stokes", "covariance", "point", *directions.angles}
+    vectors |= {name: values for name, values in _columns(StokesPoint, run.points).items() if name not in is_placed}
+    inner = ("stokes", "stokes_2")
+    return {
+        name: _labelled(name, [*directions.dimensions, *inner[: values.ndim - 1]], directions.arranged(values))
+        for name, values in vectors.items()
+    }
+
+
+def _fit(run: StoredRun) -> dict[str, Variable]:
+    if run.fit is None:
+        return {}
+    shown = in_degrees(run.fit)
+    names, estimates = list(shown.parameters), list(shown.parameters.values())
+    correlation = np.full((len(names), len(names)), np.nan)
+    known = [names.index(name) for name in shown.names]
+    correlation[np.ix_(known, known)] = shown.correlation
+    values: dict[str, ArrayLike] = {
+        "fit_value": [estimate.value for estimate in estimates],
+        "fit_stderr": [np.nan if estimate.stderr is None else estimate.stderr for estimate in estimates],
+        "fit_at_bound": [estimate.at_bound for estimate in estimates],
+        "fit_correlation": correlation,
+        "chi_square": shown.chi_square,
+        "degrees_of_freedom": shown.degrees_of_freedom,
+    }
+    inner = ("parameter", "parameter_2")
+    return {name: _labelled(name, inner[: np.ndim(value)], value) for name, value in values.items()}
+
+
+def _readings(readings: Sequence[Reading]) -> dict[str, Variable]:
+    names = {f"reading_{name}": values for name, values in _columns(Reading, readings).items()}
+    return {name: _labelled(name, ["reading"], values) for name, values in names.items()}
+
+
+def _columns(kind: type[Reading | StokesPoint], rows: Sequence[Reading | StokesPoint]) -> dict[str, NDArray[Any]]:
+    """The fields of rows by name, NaN where one has no value; a field that no row has a value of is left out."""
+    columns = {field.name: [getattr(row, field.name) for row in rows] for field in fields(kind)}
+    return {
+        name: np.array([np.nan if value is None else value for value in values])
+        for name, values in columns.items()
+        if any(value is not None for value in values)
+    }
+
+
+def _attributes(run: StoredRun) -> Mapping[str, str]:
+    refusal = {"fit_refusal": run.refusal} if run.refusal else {}
+    return {"title": run.recipe.recipe, "folder": str(run.folder), **refusal, **run.about}
+
+
+def _labelled(name: str, dimensions: Sequence[str], values: ArrayLike) -> Variable:
+    array = np.asarray(values)
+    units = next((unit for end, unit in _UNITS.items() if name.endswith(end)), "1")
+    is_word = array.dtype.kind in "UO"
+    plain = name.removeprefix("reading_")
+    long_name = _LONG_NAMES.get(name) or _LONG_NAMES.get(plain) or plain.replace("_", " ")
+    return dimensions, array, {"long_name": long_name} if is_word else {"long_name": long_name, "units": units}
