@@ -24,6 +24,7 @@ EFFECTS = (
     {"effect": "backlash", "axis": "detector_arm", "play_deg": 0.05},
     {"effect": "zero_offset", "axis": "detector_arm", "offset_deg": 0.1},
     {"effect": "flexure", "axis": "detector_arm", "amplitude_deg": 0.1},
+    {"effect": "polarized_lamp", "s2": 0.5},
     {"effect": "lamp_drift", "relative_per_hour": -0.01},
     {"effect": "lamp_walk", "relative_per_root_hour": 0.01},
     {"effect": "flicker", "relative_amplitude": 0.01, "frequency_hz": 100.0},

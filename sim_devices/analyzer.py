@@ -9,7 +9,7 @@ from typing import Literal, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from sim_devices.axis import Axis
+from sim_devices.axis import AngleOfTime
 from sim_devices.wheel import Wheel
 
 Row = NDArray[np.float64]
@@ -49,14 +49,29 @@ class WheelAnalyzer:
 
 
 class RotatingPolarizer:
-    """A polarizer on a rotator; at 0 deg of the axis it passes s."""
+    """A polarizer, perhaps behind a retarder, on rotators or fixed.
 
-    def __init__(self, axis: Axis) -> None:
-        self.axis = axis
+    Parameters
+    ----------
+    polarizer_deg : callable
+        Where the polarizer stands at a time, in degrees; at 0 it passes s.
+    retarder_deg : callable, optional
+        Where the fast axis of the retarder stands; without it there is none.
+    retardance_deg : float
+        By how much the slow axis comes behind the fast one, in degrees.
+    """
+
+    def __init__(
+        self, polarizer_deg: AngleOfTime, retarder_deg: AngleOfTime | None = None, retardance_deg: float = 90.0
+    ) -> None:
+        self._polarizer_deg, self._retarder_deg, self._retardance_deg = polarizer_deg, retarder_deg, retardance_deg
 
     def row(self, time_s: float) -> Row | None:
-        """The row of the polarizer where it is."""
-        return analyzer_row(self.axis.motor_deg(time_s))
+        """The row of the polarizer, and of the retarder before it, where they are."""
+        row = analyzer_row(self._polarizer_deg(time_s))
+        if row is None or self._retarder_deg is None:
+            return row
+        return behind_retarder(row, self._retarder_deg(time_s), self._retardance_deg)
 
 
 def analyzer_row(slot: float | Literal["open", "blocked"]) -> Row | None:
@@ -67,6 +82,17 @@ def analyzer_row(slot: float | Literal["open", "blocked"]) -> Row | None:
         return np.array([1.0, 0.0, 0.0, 0.0])
     twice_rad = 2 * math.radians(slot)
     return 0.5 * np.array([1.0, math.cos(twice_rad), math.sin(twice_rad), 0.0])
+
+
+def behind_retarder(row: Row, angle_deg: float, retardance_deg: float) -> Row:
+    """First row of the Mueller matrix of an element behind a retarder whose fast axis stands at `angle_deg`.
+
+    In the retarder's own frame, Ex Ey* = (S2 + i S3)/2 is turned by the phase by which Ey comes behind Ex.
+    """
+    i, one, two, three = turned(row, -angle_deg)
+    phase = math.radians(retardance_deg)
+    cos, sin = math.cos(phase), math.sin(phase)
+    return turned(np.array([i, one, two * cos - three * sin, two * sin + three * cos]), angle_deg)
 
 
 def turned(row: Row, angle_deg: float) -> Row:

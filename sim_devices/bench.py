@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from types import TracebackType
 
 from goniometer.errors import DeviceFaultError
-from sim_devices.device import Device
+from sim_devices.device import Device, Reports, Tell
 from sim_devices.faults.switchboard import Switchboard
 from sim_devices.modbus.tcp import ModbusTcp
 from sim_devices.scene import Scene
@@ -63,6 +63,9 @@ class Bench:
             address = Address(self.listen(device, scheme), self._pty(device) if scheme == "socket" else None)
             self.addresses |= dict.fromkeys(names, address)
             self._ports |= dict.fromkeys(names, device)
+        for name, device in self.world.devices.items():
+            if isinstance(device, Reports):
+                device.tell = self._teller(name)
         for fault in self.world.scene.faults:
             self.faults.switch_on(fault)
         self.clock.attach(self)
@@ -115,6 +118,12 @@ class Bench:
             line = self.world.scene.devices[name].line
             lines.setdefault(f"device {name}" if line is None else f"line {line}", []).append(name)
         return list(lines.values())
+
+    def _teller(self, name: str) -> Tell:
+        def tell(time_s: float, data: bytes) -> None:
+            self.faults.at(time_s, lambda _: self.faults.say(name, data))
+
+        return tell
 
     def _pty(self, device: Device) -> str | None:
         if not hasattr(os, "openpty"):

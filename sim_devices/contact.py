@@ -13,6 +13,9 @@ from sim_devices.scene_part import ScenePart
 _SHORTEST_S = 1e-4
 """Parts that would touch for less than that are taken to have missed each other."""
 
+_MOST_MOTIONS = 16
+"""As many that have begun or are to begin are not looked at yet; more than any device has queued."""
+
 _CAUTION = 1.5
 """How much faster than its motor an arm may be while it bends or its gear takes up play."""
 
@@ -29,7 +32,7 @@ class Bodies(ScenePart):
     def rooms_deg(self, source_arm_deg: float, detector_arm_deg: float) -> tuple[tuple[float, str], ...]:
         """Room between each two parts that can touch, in degrees, negative where they overlap; and which they are."""
         # the source stands at minus the angle of incidence
-        between_deg = abs(source_arm_deg + detector_arm_deg)
+        between_deg = abs((source_arm_deg + detector_arm_deg + 180.0) % 360.0 - 180.0)
         return (
             (between_deg - self.source_arm_half_deg - self.detector_arm_half_deg, "source arm and detector arm"),
             (self.frame_deg - abs(source_arm_deg) - self.source_arm_half_deg, "source arm and frame"),
@@ -46,7 +49,7 @@ class Contact:
 
 
 class ContactWatch:
-    """Looks at what the arms did, each time before one of them is told something else.
+    """Looks at what the arms did, motion after motion, once they are long over: one that is to begin may not.
 
     Parameters
     ----------
@@ -68,19 +71,26 @@ class ContactWatch:
         self._arms = (axes["source_arm"], axes["detector_arm"])
         self._angles_deg = (angle_deg["source_arm"], angle_deg["detector_arm"])
         self._looked_s = 0.0
+        self._starts_s: list[float] = []
         self.contact: Contact | None = None
         for arm in self._arms:
-            arm.before_motion.append(self._look_back)
+            arm.before_motion.append(self._note)
 
     def look(self, now_s: float) -> Contact | None:
         """The first contact up to now."""
-        if self.contact is None and now_s > self._looked_s:
-            self.contact = self._first(self._looked_s, now_s)
-        self._looked_s = max(self._looked_s, now_s)
+        for end_s in sorted({now_s, *(start_s for start_s in self._starts_s if start_s < now_s)}):
+            if self.contact is None and end_s > self._looked_s:
+                self.contact = self._first(self._looked_s, end_s)
+            self._looked_s = max(self._looked_s, end_s)
+        self._starts_s = [start_s for start_s in self._starts_s if start_s >= now_s]
         return self.contact
 
-    def _look_back(self, start_s: float) -> None:
-        self.look(start_s)
+    def _note(self, start_s: float) -> None:
+        """Keep in mind when a motion begins; look while the arms' own memory still reaches back so far."""
+        self._starts_s.append(start_s)
+        if len(self._starts_s) > _MOST_MOTIONS:
+            self.look(min(self._starts_s))
+            self._starts_s.remove(min(self._starts_s))
 
     def _first(self, begin_s: float, end_s: float) -> Contact | None:
         """Step by step as far as the room that there is cannot have been used up."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Protocol, TypeAlias
+from typing import Protocol, TypeAlias, runtime_checkable
 
 Replies = list[tuple[float, bytes]]
 
@@ -11,6 +11,14 @@ Replies = list[tuple[float, bytes]]
 # said then, or nothing when the occasion is gone, and perhaps what may follow. Virtual time never goes there by itself.
 Later: TypeAlias = "Callable[[float], Sequence[Due]]"
 Due: TypeAlias = "tuple[float, bytes | Later]"
+
+
+# Lets all clients of a device hear bytes at a time, when something happens to it that none of them asked for.
+Tell: TypeAlias = Callable[[float, bytes], None]
+
+
+def unheard(time_s: float, data: bytes) -> None:
+    """For a device that is on no bench."""
 
 
 class Session(Protocol):
@@ -27,3 +35,10 @@ class Device(Protocol):
     def session(self) -> Session:
         """A new client's conversation."""
         ...
+
+
+@runtime_checkable
+class Reports(Protocol):
+    """A device that says what happens to it; `tell` is given to it once it is on a bench."""
+
+    tell: Tell

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Iterator, Mapping
 from typing import Annotated
 
 from pydantic import Field, model_validator
 
 from model import materials
-from sim_devices.bench_devices.entry import AxisRole
+from sim_devices.bench_devices.entry import AxisRole, SimulatedDevice
 from sim_devices.bench_devices.known import AnyDevice
 from sim_devices.contact import Bodies
 from sim_devices.effects.known import AnyEffect
@@ -103,6 +104,7 @@ class Scene(ScenePart):
             for role in ("source_arm", "detector_arm", "sample_azimuth")
             if roles[role] != 1
         ]
+        faults += _line_faults(self.devices)
         named = Counter(part.title for part in self.effects)
         faults += [
             f"the effect {name} is given {count} times; give it once" for name, count in named.items() if count > 1
@@ -146,3 +148,21 @@ class Scene(ScenePart):
             "rho_d": sample.rho_d,
             "rho_dd": sample.rho_dd,
         }
+
+
+def _line_faults(devices: Mapping[str, SimulatedDevice]) -> Iterator[str]:
+    """What keeps devices from sharing the lines that they are on."""
+    lines: dict[str, dict[str, SimulatedDevice]] = {}
+    for name, device in devices.items():
+        if device.line is not None:
+            lines.setdefault(device.line, {})[name] = device
+    for line, members in lines.items():
+        first: dict[tuple[str, str], str] = {}
+        for name, device in members.items():
+            if device.place is None:
+                if len(members) > 1:
+                    yield f"{name} shares the line {line}, and a {device.type} has no address there: leave its line out"
+            elif (other := first.setdefault(device.place, name)) != name:
+                yield f"{other} and {name} share the line {line}, and both are {device.place[1]}; give each its own"
+        if len(spoken := sorted({speaks for speaks, _ in first})) > 1:
+            yield f"the devices on the line {line} speak {' and '.join(spoken)}; a line has one language"

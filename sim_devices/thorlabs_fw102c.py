@@ -6,6 +6,7 @@ import re
 from collections.abc import Collection
 
 from sim_devices.device import Due, Later
+from sim_devices.serving.baud import SerialLine
 from sim_devices.wheel import Wheel
 
 _FAST_SLOT_S, _SLOW_SLOT_S = 0.5, 2.0
@@ -29,21 +30,33 @@ class ThorlabsFw102c:
         The wheel of the bench.
     slots : collection of int
         Slots all round, 1 to 6 or 1 to 12.
+    baudrates : (int, int)
+        Of its serial line, as the setting ``baud`` has it.
     """
 
-    def __init__(self, wheel: Wheel, slots: Collection[int]) -> None:
-        self._wheel = wheel
-        self._settings = {"pcount": len(slots), "speed": 1, "trig": 0, "sensors": 0, "baud": 1}
+    def __init__(self, wheel: Wheel, slots: Collection[int], *, baudrates: tuple[int, int] = (9600, 115_200)) -> None:
+        self._wheel, self._baudrates = wheel, baudrates
+        self._saved = {"pcount": len(slots), "speed": 1, "trig": 0, "sensors": 0, "baud": 1}
+        self.inward, self.outward = SerialLine(baudrates[1]), SerialLine(baudrates[1])
+        self._wake()
+
+    def _wake(self) -> None:
+        self._settings = dict(self._saved)
         self._typed = b""
         self._free_s = 0.0
+        self._set_line()
+
+    def _set_line(self) -> None:
+        for line in (self.inward, self.outward):
+            line.set(self._baudrates[self._settings["baud"]])
 
     def session(self) -> _Session:
         """A new client."""
         return _Session(self)
 
     def power_cycle(self, now_s: float) -> None:
-        """Forget what was typed; the wheel stays where its last turn leads."""
-        self._typed = b""
+        """Forget what was typed and not saved; the wheel stays where its last turn leads."""
+        self._wake()
 
     def press(self, now_s: float) -> None:
         """Press the button that turns the wheel one slot on."""
@@ -87,6 +100,7 @@ class ThorlabsFw102c:
         if command == "*idn?":
             return _IDENTITY
         if command == "save":
+            self._saved = dict(self._settings)
             return b""
         parts = _SETTING.fullmatch(command)
         if parts is None:
@@ -100,6 +114,7 @@ class ThorlabsFw102c:
             self._turn(int(value), now_s)
         else:
             self._settings[name] = int(value)
+            self._set_line()
         return b""
 
     def _allowed(self, name: str) -> Collection[int]:
@@ -121,12 +136,21 @@ class _Session:
 
     def receive(self, data: bytes, now_s: float) -> list[Due]:
         """Echo every character as the device takes it; a carriage return runs the command."""
-        replies: list[Due] = []
+        device, replies = self._device, list[Due]()
+        heard_s = device.inward.carry(len(data), now_s)
         for character in data:
-            for due_s, said in self._device.take(character, self._device.free_s(now_s)):
+            for due_s, said in device.take(character, device.free_s(heard_s)):
                 before = replies[-1][1] if replies and replies[-1][0] == due_s else None
                 if isinstance(before, bytes) and isinstance(said, bytes):
                     replies[-1] = due_s, before + said
                 else:
                     replies.append((due_s, said))
-        return replies
+        turns = any(not isinstance(said, bytes) for _, said in replies)
+        return [self._told(due_s, said, turns=turns) for due_s, said in replies]
+
+    def _told(self, due_s: float, said: bytes | Later, *, turns: bool) -> Due:
+        """What is said once the line has carried it; nobody waits for the mere echo of a turn either."""
+        if not isinstance(said, bytes):
+            return due_s, said
+        told_s = self._device.outward.carry(len(said), due_s)
+        return told_s, (lambda due_s: [(due_s, said)]) if turns else said

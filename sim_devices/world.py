@@ -10,6 +10,7 @@ import numpy as np
 from model.acceptance import Acceptance
 from model.geometry import in_plane
 from model.lobes import Diffuse, Directional, Specular
+from model.mueller import UNPOLARIZED
 from model.surface import Surface
 from sim_devices.analyzer import Analyzer, Row
 from sim_devices.axis import AngleOfTime, Axis
@@ -53,6 +54,8 @@ class World:
         What the detector tells of a measurement; infinite when it is over its range.
     contact_watch : ContactWatch or None
         Looks whether arms touch, when the scene says how much room they take.
+    lamp_stokes : ndarray
+        Stokes vector of the lamp's light in the frame of the incoming ray, shape (4,), with S0 = 1.
     detector_half_angle_rad, source_half_angle_rad : float
         Cones over which the sample is averaged; 0 for a single direction.
     """
@@ -71,6 +74,7 @@ class World:
         self.arriving_w: Callable[[Moment], Stokes] = self._reflected_w
         self.row: Callable[[float], Row | None] = self.analyzer.row
         self.signal_w: Callable[[Measurement], float] = self._passed_w
+        self.lamp_stokes: Stokes = UNPOLARIZED
         self.detector_half_angle_rad = self.source_half_angle_rad = 0.0
         for effect in _in_order(scene.effects):
             effect.install(self)
@@ -78,8 +82,10 @@ class World:
         self._sample: Surface | Acceptance = surface(scene)
         if self.detector_half_angle_rad or self.source_half_angle_rad:
             self._sample = Acceptance(surface(scene), self.detector_half_angle_rad, self.source_half_angle_rad)
-        self._stokes = remember_last(self._sample.stokes)
-        self._stokes(0.0, 0.5, 0.0)  # compiles the surface now, before a device has to answer in time
+        # compiles the surface now, before a device has to answer in time
+        self._sample.stokes(0.0, 0.5, 0.0, self.lamp_stokes)
+        # what was seen last, which stays as long as the arms do
+        self._seen: tuple[tuple[float, float], Stokes] | None = None
         self._measurements = 0
 
     def add_axis(self, role: AxisRole, step_deg: float) -> Axis:
@@ -94,9 +100,14 @@ class World:
 
     def measure_w(self, time_s: float, exposure_s: float) -> float:
         """One measurement that begins at `time_s`: the power at its middle, through the detector's effects."""
-        measurement = Measurement(time_s + exposure_s / 2, exposure_s, self.scene.seed, self._measurements)
+        return self.signal_w(self.next_measurement(time_s, exposure_s))
+
+    def next_measurement(self, time_s: float, exposure_s: float, lit: float = 1.0) -> Measurement:
+        """A measurement that begins at `time_s`, with random numbers of its own."""
         self._measurements += 1
-        return self.signal_w(measurement)
+        return Measurement(
+            time_s + exposure_s / 2, exposure_s, lit, seed=self.scene.seed, number=self._measurements - 1
+        )
 
     def describe(self) -> str:
         """Which effects are between motors and readings, in order, and which are not there at all."""
@@ -114,16 +125,25 @@ class World:
         return 0.0 if row is None else max(0.0, float(row @ self.arriving_w(moment)))
 
     def _reflected_w(self, moment: Moment) -> Stokes:
+        """What the sample sends to the detector, for the share of the time in which the lamp's light gets through."""
+        time_s = moment.middle_s
+        angles_deg = self.angle_deg["source_arm"](time_s), self.angle_deg["detector_arm"](time_s)
+        if self._seen is None or self._seen[0] != angles_deg:
+            self._seen = angles_deg, self._seen_at(*angles_deg)
+        return self._seen[1] if moment.lit == 1 else moment.lit * self._seen[1]
+
+    def _seen_at(self, source_arm_deg: float, detector_arm_deg: float) -> Stokes:
         """Power acceptance cos(exit) Stokes; nothing when lamp or detector is below the sample's horizon."""
-        incidence_deg = _within_a_turn(self.angle_deg["source_arm"](moment.middle_s))
-        exit_deg = _within_a_turn(self.angle_deg["detector_arm"](moment.middle_s))
+        incidence_deg, exit_deg = _within_a_turn(source_arm_deg), _within_a_turn(detector_arm_deg)
         if abs(incidence_deg) >= 90 or abs(exit_deg) >= 90:
             return np.zeros(4)
         if incidence_deg < 0:
             # the plane of incidence turned by 180 deg about the normal
             incidence_deg, exit_deg = -incidence_deg, -exit_deg
         exit_rad, azimuth_rad = in_plane(math.radians(exit_deg))
-        stokes = self._stokes(math.radians(incidence_deg), float(exit_rad), float(azimuth_rad))
+        stokes: Stokes = self._sample.stokes(
+            math.radians(incidence_deg), float(exit_rad), float(azimuth_rad), self.lamp_stokes
+        )
         reaching_w = self.scene.lamp.power_w * self.acceptance_sr * math.cos(math.radians(exit_deg))
         return reaching_w * stokes
 
@@ -147,19 +167,3 @@ def surface(scene: Scene) -> Surface:
         Directional(sample.rho_dd, sample.sigma, index),
     )
     return Surface([lobe for lobe in lobes if lobe.weight > 0])
-
-
-def remember_last(
-    stokes: Callable[[float, float, float], Stokes],
-) -> Callable[[float, float, float], Stokes]:
-    """Evaluate a surface only when the geometry has changed."""
-    last: tuple[tuple[float, float, float], Stokes] | None = None
-
-    def evaluate(incidence_rad: float, exit_rad: float, azimuth_rad: float) -> Stokes:
-        nonlocal last
-        geometry = (incidence_rad, exit_rad, azimuth_rad)
-        if last is None or last[0] != geometry:
-            last = geometry, stokes(*geometry)
-        return last[1]
-
-    return evaluate

@@ -20,7 +20,7 @@ class ModbusController(Unit, Device, Protocol):
     """A unit that also answers on a serial line of its own."""
 
 
-AxisRole = Literal["source_arm", "detector_arm", "sample_azimuth", "polarizer"]
+AxisRole = Literal["source_arm", "detector_arm", "sample_azimuth", "polarizer", "retarder"]
 Slot = Literal["open", "blocked"] | Annotated[float, Field(ge=-180, le=180)]
 
 
@@ -46,6 +46,11 @@ class SimulatedDevice(ScenePart, ABC):
         """How its port is addressed over TCP."""
         return "socket"
 
+    @property
+    def place(self) -> tuple[str, str] | None:
+        """What its line speaks, and its address there; None for a device that needs a port to itself."""
+        return None
+
     @abstractmethod
     def install(self, world: World) -> Device | None:
         """Put its axes, its optics or its acceptance into the world, and return what answers at its port, if any."""
@@ -61,6 +66,11 @@ class ModbusDevice(SimulatedDevice):
     def scheme(self) -> str:
         """How its port is addressed over TCP."""
         return "socket" if self.framing == "rtu" else "modbus-tcp"
+
+    @property
+    def place(self) -> tuple[str, str]:
+        """Its framing and its unit number."""
+        return f"Modbus {self.framing.upper()}", f"unit {self.unit}"
 
     @abstractmethod
     def controller(self, world: World) -> ModbusController:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 
 from pydantic import Field
@@ -9,12 +10,10 @@ from pydantic import Field
 from sim_devices.bench_devices.entry import AxisRole, SimulatedDevice
 from sim_devices.device import Device
 from sim_devices.newport_esp301.controller import NewportEsp301
+from sim_devices.newport_esp301.stages import STAGES
 
 if TYPE_CHECKING:
     from sim_devices.world import World
-
-# Newport URS stages resolve 0.0005 deg
-_STEP_DEG = 0.0005
 
 
 class NewportEsp301Device(SimulatedDevice):
@@ -27,10 +26,24 @@ class NewportEsp301Device(SimulatedDevice):
         min_length=1, description="which arm each of the controller's axes turns, by the axis' number"
     )
 
+    stage: Literal["URS75CC", "URS100CC", "URS150CC", "PR50CC", "SR50CC"] = Field(
+        default="URS150CC", description="model of its stages"
+    )
+    limit_switches_deg: float | None = Field(
+        default=175.0, gt=0, le=3600, description="where each stage has a limit switch on either side; null: nowhere"
+    )
+    baudrate: Literal[19200, 921600] = Field(default=921600, description="of its port: USB has 921600, RS-232 19200")
+
     def roles(self) -> tuple[AxisRole, ...]:
         """The axes that it turns."""
         return tuple(self.axes.values())
 
     def install(self, world: World) -> Device:
         """Put its axes into the world."""
-        return NewportEsp301({number: world.add_axis(role, _STEP_DEG) for number, role in self.axes.items()})
+        stage = STAGES[self.stage]
+        return NewportEsp301(
+            {number: world.add_axis(role, stage.step_deg) for number, role in self.axes.items()},
+            stage=stage,
+            switches_deg=math.inf if self.limit_switches_deg is None else self.limit_switches_deg,
+            baudrate=self.baudrate,
+        )

@@ -22,10 +22,14 @@ class OrientalAzDevice(ModbusDevice):
     axis: AxisRole = Field(description="what the drive turns")
     step_deg: float = Field(ge=1e-4, le=1, description="one motor step at the table, in degrees")
 
+    baudrate: Literal[9600, 19200, 38400, 57600, 115200, 230400] = Field(
+        default=115200, description="of its serial line"
+    )
+
     def roles(self) -> tuple[AxisRole, ...]:
         """The axis that it turns."""
         return (self.axis,)
 
     def controller(self, world: World) -> OrientalAz:
         """Put its axis into the world."""
-        return OrientalAz(self.unit, world.add_axis(self.axis, self.step_deg))
+        return OrientalAz(self.unit, world.add_axis(self.axis, self.step_deg), baudrate=self.baudrate)

@@ -10,7 +10,7 @@ from sim_devices.analyzer import WheelAnalyzer
 from sim_devices.bench_devices.entry import AxisRole, SimulatedDevice, Slot
 from sim_devices.device import Device
 from sim_devices.thorlabs_elliptec.bus import ThorlabsElliptec
-from sim_devices.thorlabs_elliptec.rotator import ELL14, ELL18, PULSES_PER_TURN, ElliptecRotator
+from sim_devices.thorlabs_elliptec.rotator import ELL8, ELL14, ELL18, PULSES_PER_TURN, ElliptecRotator
 from sim_devices.thorlabs_elliptec.slider import ELL6, ELL9, ElliptecSlider
 
 if TYPE_CHECKING:
@@ -20,12 +20,12 @@ Address = Annotated[str, Field(pattern="^[0-9A-F]$", description="the module's a
 
 
 class ThorlabsElliptecDevice(SimulatedDevice):
-    """An ELL14 or ELL18 rotator."""
+    """An ELL14, ELL18 or ELL8 rotator."""
 
     part: ClassVar[str] = "axes"
 
     type: Literal["thorlabs_elliptec"] = Field(description="the device's family")
-    model: Literal["ELL14", "ELL18"] = Field(default="ELL14", description="model of the rotator")
+    model: Literal["ELL14", "ELL18", "ELL8"] = Field(default="ELL14", description="model of the rotator")
     address: Address = "0"
     axis: AxisRole = Field(description="what the rotator turns")
 
@@ -33,10 +33,15 @@ class ThorlabsElliptecDevice(SimulatedDevice):
         """The axis that it turns."""
         return (self.axis,)
 
+    @property
+    def place(self) -> tuple[str, str]:
+        """Its address on the bus."""
+        return "Elliptec", f"address {self.address}"
+
     def install(self, world: World) -> Device:
         """Put its axis into the world."""
-        axis = world.add_axis(self.axis, 360 / PULSES_PER_TURN)
-        type_code = {"ELL14": ELL14, "ELL18": ELL18}[self.model]
+        type_code = {"ELL14": ELL14, "ELL18": ELL18, "ELL8": ELL8}[self.model]
+        axis = world.add_axis(self.axis, 360 / PULSES_PER_TURN[type_code])
         return ThorlabsElliptec(ElliptecRotator(axis, type_code, seed=world.scene.seed), self.address)
 
 
@@ -56,6 +61,11 @@ class ThorlabsElliptecSliderDevice(SimulatedDevice):
         if sorted(self.slots) not in ([1, 2], [1, 2, 3, 4]):
             raise ValueError("a slider has slots 1 and 2, or 1 to 4, and each must be given")
         return self
+
+    @property
+    def place(self) -> tuple[str, str]:
+        """Its address on the bus."""
+        return "Elliptec", f"address {self.address}"
 
     def install(self, world: World) -> Device:
         """Put the slider into the beam."""

@@ -16,6 +16,7 @@ from sim_devices.effects.extinction import ExtinctionRatio
 from sim_devices.effects.flicker import Flicker
 from sim_devices.effects.lamp_drift import LampDrift, LampWalk
 from sim_devices.effects.nonlinearity import Nonlinearity
+from sim_devices.effects.polarized_lamp import PolarizedLamp
 from sim_devices.effects.quantisation import Quantisation
 from sim_devices.effects.read_noise import ReadNoise
 from sim_devices.effects.saturation import Saturation
@@ -30,6 +31,7 @@ IN_ORDER: tuple[type[Effect], ...] = (
     Backlash,
     ZeroOffset,
     Flexure,
+    PolarizedLamp,
     LampDrift,
     LampWalk,
     Flicker,

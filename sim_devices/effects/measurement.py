@@ -21,10 +21,24 @@ class Moment:
         Its middle.
     exposure_s : float
         Its length.
+    lit : float
+        Share of it in which a chopper lets the lamp's light through, 0 to 1.
     """
 
-    def __init__(self, middle_s: float, exposure_s: float) -> None:
-        self.middle_s, self.exposure_s = middle_s, exposure_s
+    def __init__(self, middle_s: float, exposure_s: float, lit: float = 1.0) -> None:
+        self.middle_s, self.exposure_s, self.lit = middle_s, exposure_s, lit
+
+
+class Expectation:
+    """In the place of random numbers: those that are expected, of which no noise is left."""
+
+    def poisson(self, mean: float) -> float:
+        """The mean."""
+        return mean
+
+    def normal(self, mean: float, stddev: float) -> float:
+        """The mean."""
+        return mean
 
 
 class Measurement(Moment):
@@ -32,22 +46,37 @@ class Measurement(Moment):
 
     Parameters
     ----------
-    middle_s, exposure_s : float
-        Middle and length.
+    middle_s, exposure_s, lit : float
+        Middle, length, and share with light of the lamp.
     seed : int
         The scene's seed.
     number : int
         Counts the measurements of the bench from 0.
     """
 
-    def __init__(self, middle_s: float, exposure_s: float, seed: int, number: int) -> None:
-        super().__init__(middle_s, exposure_s)
+    def __init__(self, middle_s: float, exposure_s: float, lit: float = 1.0, *, seed: int, number: int) -> None:
+        super().__init__(middle_s, exposure_s, lit)
         self._key = [seed, number]
 
     @cached_property
-    def random(self) -> np.random.Generator:
+    def random(self) -> np.random.Generator | Expectation:
         """Random numbers, made only when an effect draws some."""
         return np.random.default_rng(self._key)
+
+
+class ExpectedMeasurement(Measurement):
+    """A measurement without noise.
+
+    Parameters
+    ----------
+    middle_s, exposure_s, lit : float
+        Middle, length, and share with light of the lamp.
+    """
+
+    random = Expectation()
+
+    def __init__(self, middle_s: float, exposure_s: float, lit: float = 1.0) -> None:
+        Moment.__init__(self, middle_s, exposure_s, lit)
 
 
 def seeded(seed: int, number: int, name: str) -> np.random.Generator:

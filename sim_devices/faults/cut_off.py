@@ -36,8 +36,7 @@ class PowerCycle(DeviceFault):
 
     def strike(self, board: Switchboard, random: Random, time_s: float) -> None:
         """Lose what the device does not keep, and all that is said meanwhile."""
-        device = board.world.devices[self.device]
+        device = board.device(self.device)
         assert isinstance(device, LosesPower)
         device.power_cycle(time_s)
-        board.port(self.device).deaf_until_s = time_s + self.off_s
-        board.cut(self.device, hangs_up=False)
+        board.turn_off(self.device, time_s + self.off_s)

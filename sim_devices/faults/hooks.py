@@ -50,3 +50,12 @@ class HasButton(Protocol):
     def press(self, now_s: float) -> None:
         """Press the button that moves one step forward."""
         ...
+
+
+@runtime_checkable
+class Line(Protocol):
+    """What answers at a port that several devices share; one of them can be off while the others go on."""
+
+    def turn_off(self, member: object, until_s: float) -> None:
+        """Let one of them hear and say nothing until then."""
+        ...

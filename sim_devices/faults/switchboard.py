@@ -9,6 +9,8 @@ from sim_devices.device import Device, Later, Session
 from sim_devices.effects.measurement import seeded
 from sim_devices.faults.entry import AxisFault, Fault
 from sim_devices.faults.faulty_port import FaultyPort, FaultySession
+from sim_devices.faults.hooks import Line
+from sim_devices.modbus.tcp import ModbusTcp
 from sim_devices.serving.clock import BenchClock
 from sim_devices.serving.reactor import Reactor
 from sim_devices.world import World
@@ -43,12 +45,25 @@ class Switchboard:
         ConfigurationError
             When the bench cannot have it.
         """
-        objections = fault.objections(self.world.scene.devices) or self._missing_hook(fault)
-        if objections:
+        if objections := self.objections(fault):
             raise ConfigurationError([f"{objection}. Nothing was switched on." for objection in objections])
         random = seeded(self.world.scene.seed, self._switched_on, fault.fault)
         self._switched_on += 1
         self.at(max(fault.at_s, self._clock.now()), lambda time_s: fault.strike(self, random, time_s))
+
+    def objections(self, fault: Fault) -> tuple[str, ...]:
+        """What keeps this bench from having a fault."""
+        if found := fault.objections(self.world.scene.devices):
+            return found
+        name = fault.device_name(self.world.scene.devices)
+        device = self.device(name) if name else None
+        if name and device is None:
+            return (
+                f"{name} is a {self.world.scene.devices[name].type}, which has no port where {fault.fault} could be",
+            )
+        if fault.needs and not isinstance(device, fault.needs):
+            return (f"{name} is a {self.world.scene.devices[name].type}, to which {fault.fault} cannot happen",)
+        return ()
 
     def at(self, time_s: float, act: Callable[[float], None]) -> None:
         """Let something happen at a time, before what is said later."""
@@ -84,12 +99,20 @@ class Switchboard:
         """Lose all that is on its way to the clients of a device, and those that have a connection, if it hangs up."""
         self._reactor.cut(self._ports[name], hangs_up=hangs_up)
 
-    def turning(self, fault: AxisFault) -> Device:
-        """The device that turns a fault's axis."""
-        return self.world.devices[fault.device_name(self.world.scene.devices)]
+    def turn_off(self, name: str, until_s: float) -> None:
+        """Let a device hear and say nothing until then; others on its line go on."""
+        port = self._ports[name]
+        if isinstance(port, Line):
+            port.turn_off(self.device(name), until_s)
+        else:
+            self.port(name).deaf_until_s = until_s
+            self.cut(name, hangs_up=False)
 
-    def _missing_hook(self, fault: Fault) -> tuple[str, ...]:
-        name = fault.device_name(self.world.scene.devices)
-        if not fault.needs or isinstance(self.world.devices.get(name), fault.needs):
-            return ()
-        return (f"{name} is a {self.world.scene.devices[name].type}, to which {fault.fault} cannot happen",)
+    def device(self, name: str) -> object:
+        """A device itself, not the gateway before it; None for one without a port."""
+        device = self.world.devices.get(name)
+        return device.units[0] if isinstance(device, ModbusTcp) else device
+
+    def turning(self, fault: AxisFault) -> object:
+        """The device that turns a fault's axis."""
+        return self.device(fault.device_name(self.world.scene.devices))

@@ -22,6 +22,6 @@ class WheelByHand(DeviceFault):
 
     def strike(self, board: Switchboard, random: Random, time_s: float) -> None:
         """Press the button."""
-        device = board.world.devices[self.device]
+        device = board.device(self.device)
         assert isinstance(device, HasButton)
         device.press(time_s)

@@ -1,7 +1,8 @@
 """Modbus RTU: frames with checksums on a serial line, or the same bytes through TCP.
 
-A byte stream over TCP has no silences, so frames are told by their length and checksum: bytes that no frame can
-begin with are dropped, and the first complete frame behind them counts.
+A byte stream over TCP has no silences of 3.5 characters that could be relied on, so frames are told by their length and
+checksum: bytes that no frame can begin with are dropped, and the first complete frame behind them counts. A silence
+that no computer's own delays explain does end a frame.
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ from sim_devices.modbus.functions import BROADCAST, Unit
 
 _SHORTEST_FRAME, _LONGEST_FRAME = 4, 256
 _SILENCE_CHARACTERS = 3.5
+_LONG_SILENCE_S = 0.2
 
 # lengths of frames by function: fixed ones, and those with a count of bytes at a place that adds to the rest
 _FIXED_REQUESTS = dict.fromkeys((0x01, 0x02, 0x03, 0x04, 0x05, 0x06, 0x08), 8)
@@ -61,9 +63,14 @@ class RtuSession:
         self._unit = unit
         self._buffer = b""
         self._free_s = float("-inf")
+        self._heard_s = float("-inf")
 
     def receive(self, data: bytes, now_s: float) -> Replies:
         """Answer every request that is complete."""
+        if self._buffer and now_s > self._heard_s + _LONG_SILENCE_S:
+            self._unit.note_bad_frame()
+            self._buffer = b""
+        self._heard_s = now_s
         replies: Replies = []
         for start in range(0, len(data), _LONGEST_FRAME):
             self._buffer += data[start : start + _LONGEST_FRAME]

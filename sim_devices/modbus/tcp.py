@@ -12,7 +12,9 @@ from sim_devices.modbus.rtu import exchange_s
 _HEADER = struct.Struct(">HHHB")
 _COUNTED_FROM = 6
 _LENGTHS = range(2, 255)
-_NO_SUCH_UNIT = 0x0B
+_NO_ANSWER = 0x0B
+_WAITS_S = 1.0
+"""How long the gateway waits for a unit that does not answer."""
 
 
 class ModbusTcp:
@@ -21,18 +23,28 @@ class ModbusTcp:
     Parameters
     ----------
     units : iterable of Unit
-        They obey their own address, and all of them address 0, without an answer; for any other address the gateway
-        answers with exception 0B.
+        They obey their own address, and all of them address 0, without an answer; for any other address, and for a
+        unit that is off, the gateway answers with exception 0B.
     """
 
     def __init__(self, units: Iterable[Unit]) -> None:
         self._units = {unit.unit: unit for unit in units}
+        self._off_until_s: dict[int, float] = {}
         self._free_s = float("-inf")
 
     @classmethod
     def joined(cls, gateways: Iterable[ModbusTcp]) -> ModbusTcp:
         """One gateway to the units of several."""
-        return cls(unit for gateway in gateways for unit in gateway._units.values())
+        return cls(unit for gateway in gateways for unit in gateway.units)
+
+    @property
+    def units(self) -> tuple[Unit, ...]:
+        """The units on its line."""
+        return tuple(self._units.values())
+
+    def turn_off(self, member: object, until_s: float) -> None:
+        """Let one of its units hear and say nothing until then."""
+        self._off_until_s |= {number: until_s for number, unit in self._units.items() if unit is member}
 
     def session(self) -> _Session:
         """A new client."""
@@ -41,16 +53,24 @@ class ModbusTcp:
     def exchange(self, unit: int, request: bytes, now_s: float) -> tuple[float, bytes] | None:
         """Run a request; its answer with the time at which it is there, or None when there is none."""
         if unit == BROADCAST:
-            for listener in self._units.values():
-                listener.answer(request, now_s)
+            for number, listener in self._units.items():
+                if self._is_on(number, now_s):
+                    listener.answer(request, now_s)
             return None
+        unanswered = bytes([request[0] | 0x80, _NO_ANSWER])
         if unit not in self._units:
-            return now_s, bytes([request[0] | 0x80, _NO_SUCH_UNIT])
+            return now_s, unanswered
+        if not self._is_on(unit, now_s):
+            self._free_s = max(now_s, self._free_s) + _WAITS_S
+            return self._free_s, unanswered
         addressed = self._units[unit]
         answer = addressed.answer(request, now_s)
         # one line serves all clients, one after the other
         self._free_s = max(now_s, self._free_s) + exchange_s(addressed, request, answer)
         return self._free_s, answer
+
+    def _is_on(self, unit: int, now_s: float) -> bool:
+        return now_s >= self._off_until_s.get(unit, now_s)
 
 
 class _Session:

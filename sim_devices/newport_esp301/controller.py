@@ -3,52 +3,23 @@
 from __future__ import annotations
 
 import re
-from collections import deque
 from collections.abc import Callable, Mapping
 
 from sim_devices.axis import Axis
 from sim_devices.device import Replies
 from sim_devices.newport_esp301.axis import Esp301Axis
+from sim_devices.newport_esp301.axis_commands import AXIS_COMMANDS
+from sim_devices.newport_esp301.errors import Esp301Errors
 from sim_devices.newport_esp301.parameter import Esp301Error, to_number
+from sim_devices.newport_esp301.stages import URS150CC, Esp301Stage
+from sim_devices.serving.baud import SerialLine
 from sim_devices.serving.lines import LineSplitter
 
 _LATENCY_S = 0.008
 _RESET_S = 3.0
 _LONGEST_HOLD_MS = 3_600_000.0
-_TICK_S = 400e-6
-_LINE_LIMIT = 80
 _IDENTITY = "ESP301 Version 3.0.1 6/1/99"
 _COMMAND = re.compile(r"(\d*)([A-Z]{2})(.*)")
-
-_GENERAL_ERRORS = {
-    0: "NO ERROR DETECTED",
-    4: "EMERGENCY STOP ACTIVATED",
-    6: "COMMAND DOES NOT EXIST",
-    7: "PARAMETER OUT OF RANGE",
-    9: "AXIS NUMBER OUT OF RANGE",
-    37: "AXIS NUMBER MISSING",
-    38: "COMMAND PARAMETER MISSING",
-    40: "LAST COMMAND CANNOT BE REPEATED",
-}
-_AXIS_ERRORS = {
-    0: "MOTOR TYPE NOT DEFINED",
-    1: "PARAMETER OUT OF RANGE",
-    2: "AMPLIFIER FAULT",
-    3: "FOLLOWING ERROR THRESHOLD EXCEEDED",
-    4: "POSITIVE HARDWARE LIMIT DETECTED",
-    5: "NEGATIVE HARDWARE LIMIT DETECTED",
-    6: "POSITIVE SOFTWARE LIMIT DETECTED",
-    7: "NEGATIVE SOFTWARE LIMIT DETECTED",
-    8: "MOTOR / STAGE NOT CONNECTED",
-    9: "FEEDBACK SIGNAL FAULT",
-    10: "MAXIMUM VELOCITY EXCEEDED",
-    11: "MAXIMUM ACCELERATION EXCEEDED",
-    13: "MOTOR NOT ENABLED",
-    15: "MAXIMUM JERK EXCEEDED",
-    20: "HOMING ABORTED",
-    24: "SPEED OUT OF RANGE",
-    30: "COMMAND NOT ALLOWED DURING HOMING",
-}
 
 
 class NewportEsp301:
@@ -61,16 +32,37 @@ class NewportEsp301:
     ----------
     axes : mapping of int to Axis
         The stages that are connected, by axis number 1 to 3.
+    stage : Esp301Stage
+        Their model.
+    switches_deg : float
+        Where each has a limit switch on either side; infinite for stages that turn without end.
+    baudrate : int
+        Of the serial line: 921600 on USB, 19200 on RS-232.
+    line_limit : int
+        Characters that a line of commands may have.
+    tick_s : float
+        In which the times of errors are counted.
     """
 
-    def __init__(self, axes: Mapping[int, Axis]) -> None:
-        self._axes = {number: Esp301Axis(axis) for number, axis in axes.items()}
-        self._errors: deque[tuple[int, float]] = deque(maxlen=10)
+    def __init__(
+        self,
+        axes: Mapping[int, Axis],
+        *,
+        stage: Esp301Stage = URS150CC,
+        switches_deg: float = 175.0,
+        baudrate: int = 921_600,
+        line_limit: int = 80,
+        tick_s: float = 400e-6,
+    ) -> None:
+        self._axes = {number: Esp301Axis(axis, stage, switches_deg) for number, axis in axes.items()}
+        self.line_limit = line_limit
+        self._inward, self._outward = SerialLine(baudrate), SerialLine(baudrate)
+        self._errors = Esp301Errors(tick_s)
         self._free_s = 0.0
         self._for_all: dict[str, Callable[[str, float], str | None]] = {
             "VE": lambda _, now_s: _IDENTITY,
-            "TE": self._next_error_number,
-            "TB": self._next_error_text,
+            "TE": lambda _, now_s: self._errors.next_number(now_s),
+            "TB": lambda _, now_s: self._errors.next_text(now_s),
             "TS": self._status,
             "AB": self._abort,
             "RS": self._reset,
@@ -108,8 +100,9 @@ class NewportEsp301:
 
     def execute(self, line: str, arrival_s: float) -> Replies:
         """Run the commands of one line as soon as the interpreter is free."""
-        if len(line) > _LINE_LIMIT:
-            self._errors.append((6, max(arrival_s, self._free_s)))
+        arrival_s = self._inward.carry(len(line) + 1, arrival_s)
+        if len(line) > self.line_limit:
+            self._errors.add(6, max(arrival_s, self._free_s))
             return []
         replies: Replies = []
         for command in re.sub(r"\s", "", line).upper().split(";"):
@@ -118,14 +111,15 @@ class NewportEsp301:
             answer = self._run(command, now_s) if command else None
             if answer is not None:
                 self._free_s = now_s + _LATENCY_S
-                replies.append((self._free_s, f"{answer}\r\n".encode("ascii")))
+                reply = f"{answer}\r\n".encode("ascii")
+                replies.append((self._outward.carry(len(reply), self._free_s), reply))
         return replies
 
     def _run(self, command: str, now_s: float) -> str | None:
         try:
             return self._dispatch(command, now_s)
         except Esp301Error as error:
-            self._errors.append((error.code, now_s))
+            self._errors.add(error.code, now_s)
             return None
 
     def _dispatch(self, command: str, now_s: float) -> str | None:
@@ -138,7 +132,7 @@ class NewportEsp301:
         if mnemonic in self._for_any and not number:
             self._for_any[mnemonic](list(self._axes.values()), parameter, now_s)
             return None
-        if mnemonic not in self._for_any and mnemonic not in Esp301Axis.COMMANDS and mnemonic != "WP":
+        if mnemonic not in self._for_any and mnemonic not in AXIS_COMMANDS and mnemonic != "WP":
             raise Esp301Error(6)
         if not number:
             raise Esp301Error(37)
@@ -157,9 +151,9 @@ class NewportEsp301:
                 self._for_any[mnemonic]([axis], parameter, now_s)
                 return None
             if mnemonic == "WP":
-                self._free_s = axis.passes_at(parameter, now_s)
+                self._free_s = axis.passes_at(to_number(parameter) * axis.settings.deg_per_unit, now_s)
                 return None
-            return axis.run(mnemonic, parameter, now_s)
+            return AXIS_COMMANDS[mnemonic](axis, mnemonic, parameter, now_s)
         except Esp301Error as error:
             raise Esp301Error(100 * number + error.code) if error.of_axis else error from None
 
@@ -167,18 +161,7 @@ class NewportEsp301:
         """Queue what motions that have ended by now have run into."""
         for number, axis in self._axes.items():
             for error, time_s in axis.finish_motion(now_s):
-                self._errors.append((100 * number + error, time_s))
-
-    def _pop_error(self, now_s: float) -> tuple[int, float]:
-        return self._errors.popleft() if self._errors else (0, now_s)
-
-    def _next_error_number(self, _: str, now_s: float) -> str:
-        return str(self._pop_error(now_s)[0])
-
-    def _next_error_text(self, _: str, now_s: float) -> str:
-        code, time_s = self._pop_error(now_s)
-        text = _GENERAL_ERRORS[code] if code < 100 else _AXIS_ERRORS[code % 100]
-        return f"{code}, {int(time_s / _TICK_S)}, {text}"
+                self._errors.add(100 * number + error, time_s)
 
     def _status(self, _: str, now_s: float) -> str:
         moving = sum(1 << (number - 1) for number, axis in self._axes.items() if axis.is_busy(now_s))
@@ -192,7 +175,7 @@ class NewportEsp301:
     def _abort(self, _: str, now_s: float) -> None:
         for axis in self._axes.values():
             axis.power_off(now_s)
-        self._errors.append((4, now_s))
+        self._errors.add(4, now_s)
 
     def _reset(self, _: str, now_s: float) -> None:
         for axis in self._axes.values():
@@ -224,7 +207,7 @@ def _hold_s(parameter: str, *, missing_is_zero: bool) -> float:
 class _Session:
     def __init__(self, controller: NewportEsp301) -> None:
         self._controller = controller
-        self._lines = LineSplitter(b"\r", limit=_LINE_LIMIT + 1)
+        self._lines = LineSplitter(b"\r", limit=controller.line_limit + 1)
 
     def receive(self, data: bytes, now_s: float) -> Replies:
         """Run every line that is complete; a line feed after the carriage return is dropped."""

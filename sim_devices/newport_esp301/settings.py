@@ -45,10 +45,13 @@ class Esp301Settings:
     ----------
     step_deg : float
         One encoder count.
+    top_deg_s : float
+        How fast the stage turns at most.
     """
 
-    def __init__(self, step_deg: float) -> None:
-        self._values_deg = dict(DEFAULTS)
+    def __init__(self, step_deg: float, top_deg_s: float) -> None:
+        slower = {name: min(DEFAULTS[name], top_deg_s) for name in _SPEEDS}
+        self._values_deg = {**DEFAULTS, **slower, "VU": top_deg_s}
         self._unit = _DEGREES
         # a rotation stage has no unit of length
         self._units_deg = {

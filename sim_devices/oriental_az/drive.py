@@ -7,25 +7,20 @@ from collections.abc import Iterable
 from sim_devices.axis import Axis
 from sim_devices.modbus import functions as modbus
 from sim_devices.modbus.rtu import RtuSession
-from sim_devices.oriental_az.motor import AzMotor
+from sim_devices.oriental_az.operations import OVERTRAVEL_ALARM, AzOperations
 from sim_devices.oriental_az.registers import (
-    DEFAULT_OPERATION,
     DEFAULTS,
     WRITABLE,
     CommunicationError,
     Input,
     Item,
     Operation,
-    Output,
-    Type,
     operation_items,
-    stored,
 )
 
 _STEPS_PER_MOTOR_TURN = 1000
-_DATA_ALARM, _OVERTRAVEL_ALARM, _HOME_ALARM = 0x70, 0x66, 0x4A
-_HOMING = Operation(Type.ABSOLUTE, 0, 5_000, 1_000_000, 1_000_000, 1_000)
-_JOG = DEFAULT_OPERATION._replace(type=Type.RELATIVE_TO_COMMAND, position=1)
+# eight bits with start, parity and stop
+_BITS = 11
 
 
 class OrientalAz:
@@ -37,17 +32,16 @@ class OrientalAz:
         Its Modbus address.
     axis : Axis
         The table that it turns; one step of the drive is the axis' step.
+    baudrate : int
+        Of its serial line.
     """
 
     latency_s = 0.001
-    # 115200 baud, eight bits with start, parity and stop
-    character_s = 11 / 115_200
 
-    def __init__(self, unit: int, axis: Axis) -> None:
-        self.unit = unit
-        self._motor = AzMotor(axis)
+    def __init__(self, unit: int, axis: Axis, *, baudrate: int = 115_200) -> None:
+        self.unit, self.character_s = unit, _BITS / baudrate
+        self._operations = AzOperations(axis, self._operation)
         self._items = dict(DEFAULTS)
-        self._alarm = 0
         self._communication_error = 0
         self._functions = {
             0x03: modbus.read_registers(self._read),
@@ -71,22 +65,21 @@ class OrientalAz:
 
     def trip(self, alarm: int, now_s: float) -> None:
         """Let a protection stop the motor; nothing moves until the alarm is reset."""
-        self._alarm = alarm
-        self._motor.stop(now_s)
+        self._operations.trip(alarm, now_s)
 
     def power_cycle(self, now_s: float) -> None:
         """Lose every register and alarm, but not the position: the encoder is absolute."""
-        self._motor.stop(now_s)
+        self._operations.power_cycle(now_s)
         self._items = dict(DEFAULTS)
-        self._alarm = self._communication_error = 0
+        self._communication_error = 0
 
     def hit_limit(self, axis: Axis, now_s: float) -> None:
         """Let the table meet its limit switch."""
-        self.trip(_OVERTRAVEL_ALARM, now_s)
+        self.trip(OVERTRAVEL_ALARM, now_s)
 
     def lose_home(self, axis: Axis, now_s: float) -> None:
-        """Let the encoder forget where home is."""
-        self.trip(_HOME_ALARM, now_s)
+        """Let the encoder forget where home is, until a position is preset."""
+        self._operations.lose_home(now_s)
 
     def _read(self, address: int, count: int, now_s: float) -> list[int]:
         """Contents of whole items, upper register first."""
@@ -125,13 +118,16 @@ class OrientalAz:
 
     def _present(self, now_s: float) -> dict[int, int]:
         """Items that tell the state of the drive."""
-        steps, speed_hz = self._motor.steps(now_s), self._motor.speed_hz(now_s)
+        motor = self._operations.motor
+        speed_hz = motor.speed_hz(now_s)
         speed_rpm = round(60 * speed_hz / _STEPS_PER_MOTOR_TURN)
+        repeated = self._items[Item.INPUT] & (Input.M | Input.START)
         return {
-            Item.OUTPUT: self._output(now_s),
-            Item.ALARM: self._alarm,
+            Item.OUTPUT: self._operations.output(now_s) | repeated,
+            Item.ALARM: self._operations.alarm,
             Item.COMMUNICATION_ERROR: self._communication_error,
-            **dict.fromkeys((Item.COMMAND_STEPS, Item.FEEDBACK_STEPS), steps),
+            Item.COMMAND_STEPS: motor.command_steps(now_s),
+            Item.FEEDBACK_STEPS: motor.feedback_steps(now_s),
             **dict.fromkeys((Item.COMMAND_RPM, Item.FEEDBACK_RPM), speed_rpm),
             **dict.fromkeys((Item.COMMAND_HZ, Item.FEEDBACK_HZ), speed_hz),
             Item.TORQUE: 0,
@@ -139,28 +135,13 @@ class OrientalAz:
             Item.MOTOR_TEMPERATURE: 350,
         }
 
-    def _output(self, now_s: float) -> int:
-        moving = self._motor.is_moving(now_s)
-        output = Output.MOVE if moving else Output.IN_POS
-        if not moving and self._motor.steps(now_s) == 0:
-            output |= Output.HOME_END
-        if self._is_ready(now_s):
-            output |= Output.READY
-        if self._alarm:
-            output |= Output.ALM_A
-        return output | self._items[Item.INPUT] & (Input.M | Input.START)
-
-    def _is_ready(self, now_s: float) -> bool:
-        held = self._items[Item.INPUT] & (Input.STOP | Input.FREE)
-        return not (held or self._alarm or self._motor.is_moving(now_s))
-
     def _write_items(self, items: dict[int, int], now_s: float) -> None:
         for item, value in items.items():
             if item not in WRITABLE:
                 raise self._refusal(2, CommunicationError.UNDEFINED)
             if value not in WRITABLE[item]:
                 raise self._refusal(3, CommunicationError.OUT_OF_RANGE)
-        if items.get(Item.PRESET_POSITION) and self._motor.is_moving(now_s):
+        if items.get(Item.PRESET_POSITION) and self._operations.motor.is_moving(now_s):
             raise self._refusal(4, CommunicationError.NOT_EXECUTABLE)
         before = {item: self._items[item] for item in items}
         self._items |= items
@@ -169,19 +150,20 @@ class OrientalAz:
         if Item.INPUT in items:
             self._take_inputs(before[Item.INPUT], items[Item.INPUT], now_s)
         if Item.ONE_SHOT_INPUT in items:
-            self._take_inputs(0, items[Item.ONE_SHOT_INPUT], now_s)
-            self._take_inputs(items[Item.ONE_SHOT_INPUT], 0, now_s)
+            levels = self._items[Item.INPUT]
+            self._take_inputs(levels, levels | items[Item.ONE_SHOT_INPUT], now_s)
+            self._take_inputs(levels | items[Item.ONE_SHOT_INPUT], levels, now_s)
             self._items[Item.ONE_SHOT_INPUT] = 0
 
     def _maintain(self, risen: Iterable[int], now_s: float) -> None:
         """Maintenance commands run when their item goes from 0 to 1."""
         for item in risen:
             if item == Item.ALARM_RESET:
-                self._alarm = 0
+                self._operations.alarm = 0
             elif item == Item.CLEAR_ERROR_HISTORY:
                 self._communication_error = 0
             elif item == Item.PRESET_POSITION:
-                self._motor.preset(now_s)
+                self._operations.preset(now_s)
 
     def _start_direct_data(self, written: dict[int, int], now_s: float) -> None:
         trigger = self._items[Item.TRIGGER]
@@ -190,45 +172,18 @@ class OrientalAz:
         # -1 to -7 stand for the items from the number to the current
         elif trigger >= 0 or list(written) != [Item.DIRECT_NUMBER + 2 * (-trigger - 1)]:
             return
-        buffered = bool(self._items[Item.DESTINATION]) and self._motor.is_moving(now_s) and not self._alarm
-        self._start(self._operation(Item.DIRECT_OPERATION), self._motor.end_s if buffered else now_s)
+        operation = self._operation(Item.DIRECT_OPERATION)
+        self._note_readiness(self._operations.start(operation, now_s, buffered=bool(self._items[Item.DESTINATION])))
 
     def _take_inputs(self, before: int, after: int, now_s: float) -> None:
-        risen, fallen = Input(after & ~before & 0xFFFF), Input(before & ~after & 0xFFFF)
-        if risen & Input.ALM_RST:
-            self._alarm = 0
-        if after & (Input.STOP | Input.FREE) or fallen & (Input.FW_POS | Input.RV_POS):
-            self._motor.stop(now_s)
-        for bit, operation in self._operations_of_inputs(after).items():
-            if risen & bit:
-                self._start(operation, now_s)
+        self._note_readiness(self._operations.take_inputs(before, after, now_s))
 
-    def _operations_of_inputs(self, levels: int) -> dict[Input, Operation]:
-        """What each input starts when it rises."""
-        chosen = self._operation(stored(levels & Input.M))
-        return {
-            Input.START: chosen,
-            Input.SSTART: chosen,
-            Input.D_SEL0: self._operation(stored(0)),
-            Input.D_SEL1: self._operation(stored(1)),
-            Input.D_SEL2: self._operation(stored(2)),
-            Input.ZHOME: _HOMING,
-            Input.FW_JOG_P: _JOG,
-            Input.RV_JOG_P: _JOG._replace(position=-_JOG.position),
-            Input.FW_POS: chosen._replace(type=Type.CONTINUOUS, speed=abs(chosen.speed)),
-            Input.RV_POS: chosen._replace(type=Type.CONTINUOUS, speed=-abs(chosen.speed)),
-        }
+    def _note_readiness(self, was_ready: bool) -> None:
+        if not was_ready:
+            self._communication_error = CommunicationError.NOT_EXECUTABLE
 
     def _operation(self, address: int) -> Operation:
         return Operation(*(self._items[item] for item in operation_items(address)))
-
-    def _start(self, operation: Operation, start_s: float) -> None:
-        if not self._is_ready(start_s):
-            self._communication_error = CommunicationError.NOT_EXECUTABLE
-        elif operation.speed == 0:
-            self._alarm = _DATA_ALARM
-        else:
-            self._motor.run(operation, start_s)
 
 
 def _signed(value: int) -> int:

@@ -20,8 +20,12 @@ class AzMotor:
         self._origin_steps = 0
         self._stop_rate = DEFAULT_OPERATION.stop_rate
 
-    def steps(self, now_s: float) -> int:
-        """Position."""
+    def command_steps(self, now_s: float) -> int:
+        """Position to which the motor is told to be by now."""
+        return round(self._axis.motor_deg(now_s) / self._axis.step_deg) - self._origin_steps
+
+    def feedback_steps(self, now_s: float) -> int:
+        """Position that the encoder tells."""
         return round(self._axis.position_deg(now_s) / self._axis.step_deg) - self._origin_steps
 
     def speed_hz(self, now_s: float) -> int:
@@ -39,7 +43,7 @@ class AzMotor:
 
     def preset(self, now_s: float) -> None:
         """Let the origin be here."""
-        self._origin_steps += self.steps(now_s)
+        self._origin_steps += self.command_steps(now_s)
 
     def stop(self, now_s: float) -> None:
         """Come to rest at the stopping rate of the last operation."""
@@ -58,14 +62,16 @@ class AzMotor:
         )
 
     def _target_steps(self, operation: Operation, now_s: float) -> int:
-        here = self.steps(now_s)
+        here = self.command_steps(now_s)
         turn = round(360 / self._axis.step_deg)
         forward = (operation.position - here) % turn
         match operation.type:
             case Type.ABSOLUTE:
                 return operation.position
-            case Type.RELATIVE_TO_COMMAND | Type.RELATIVE_TO_FEEDBACK:
+            case Type.RELATIVE_TO_COMMAND:
                 return here + operation.position
+            case Type.RELATIVE_TO_FEEDBACK:
+                return self.feedback_steps(now_s) + operation.position
             case Type.CONTINUOUS:
                 # until it is stopped, or the position counter ends
                 return LARGEST if operation.speed > 0 else -LARGEST

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import heapq
 import itertools
+from collections.abc import Callable
 from typing import Generic, NamedTuple, TypeVar
 
 from sim_devices.device import Later
@@ -49,10 +50,17 @@ class Agenda(Generic[T]):
         """When a device may next tell a client something on its own; None when none will."""
         return min((entry.due_s for entry in self._unasked if entry.client is not None), default=None)
 
-    def drop(self, client: T) -> None:
-        """Forget all bytes that were to be said to a client."""
+    def drop_bytes(self, client: T) -> None:
+        """Drop all bytes that were to be said to a client, but not what it will find out later."""
+        self._keep(lambda entry: entry.client is not client or not isinstance(entry.said, bytes))
+
+    def forget(self, client: T) -> None:
+        """Drop all that was to be said to a client."""
+        self._keep(lambda entry: entry.client is not client)
+
+    def _keep(self, is_wanted: Callable[[Entry[T]], bool]) -> None:
         for queue in (self._replies, self._unasked):
-            queue[:] = [entry for entry in queue if entry.client is not client or not isinstance(entry.said, bytes)]
+            queue[:] = filter(is_wanted, queue)
             heapq.heapify(queue)
 
     def pop(self, now_s: float) -> Entry[T] | None:

@@ -16,8 +16,12 @@ class SerialLine:
     """
 
     def __init__(self, baudrate: int) -> None:
-        self._byte_s = _BITS / baudrate
+        self.set(baudrate)
         self._free_s = float("-inf")
+
+    def set(self, baudrate: int) -> None:
+        """Change its speed."""
+        self._byte_s = _BITS / baudrate
 
     def carry(self, count: int, now_s: float) -> float:
         """Put `count` bytes on the line, behind those that are still on it; when the last of them has arrived."""

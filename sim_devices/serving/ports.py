@@ -6,7 +6,7 @@ import os
 import socket
 from typing import Protocol
 
-_CHUNK = 65536
+_CHUNK = 4096
 
 
 class Port(Protocol):

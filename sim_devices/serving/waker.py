@@ -3,13 +3,21 @@
 from __future__ import annotations
 
 import socket
+import threading
 from contextlib import suppress
 
 
 class Waker:
-    """Readable for a selector once it has been called, until it is heard; calls never wait."""
+    """Readable for a selector once it has been called, until it is heard; calls never wait.
 
-    def __init__(self) -> None:
+    Parameters
+    ----------
+    sleeper : Thread
+        The thread that waits; its own calls are none.
+    """
+
+    def __init__(self, sleeper: threading.Thread) -> None:
+        self._sleeper = sleeper
         self._calls, self._hears = socket.socketpair()
         self._calls.setblocking(False)
         self._hears.setblocking(False)
@@ -20,8 +28,9 @@ class Waker:
 
     def call(self) -> None:
         """Wake; when no more calls fit in, there are enough."""
-        with suppress(BlockingIOError):
-            self._calls.send(b"\0")
+        if threading.current_thread() is not self._sleeper:
+            with suppress(BlockingIOError):
+                self._calls.send(b"\0")
 
     def hear(self) -> None:
         """Take the calls that have come."""

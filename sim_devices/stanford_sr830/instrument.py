@@ -7,7 +7,7 @@ from collections import deque
 from collections.abc import Callable
 
 from sim_devices.device import Replies
-from sim_devices.light import Light
+from sim_devices.light import ChoppedLight
 from sim_devices.serving.baud import SerialLine
 from sim_devices.serving.lines import LineSplitter
 from sim_devices.stanford_sr830.lock_in import Event, LockIn
@@ -20,6 +20,8 @@ _LATENCY_S = 0.004
 _AUTO_S = 1.0
 _LONGEST_LINE = 256
 _HIGHEST_HZ = 102_000.0
+# as many of their commands as the input buffer holds
+_MOST_AUTOS = _LONGEST_LINE // 5
 _COMMAND = re.compile(r"(\*[A-Z]{3}|[A-Z]{4})(\??)(.*)", re.ASCII)
 
 _BAD_PARAMETER, _UNKNOWN_COMMAND, _POWER_ON = 1 << 4, 1 << 5, 1 << 7
@@ -30,14 +32,15 @@ class StanfordSr830:
     """A lock-in whose detector, at input A, looks at a chopped light; switched on with its standard settings.
 
     One interpreter works through the commands of all clients in order. Filter overload, trigger and changes of the time
-    constant are never reported; reserve, coupling, line filters and synchronous filter make no difference.
+    constant are never reported; reserve, line filters and synchronous filter make no difference, and the coupling only
+    to what overloads the input.
 
     Parameters
     ----------
-    light : Light
-        What reaches the detector while the chopper is open; asked for the last 25 time constants as well.
+    light : ChoppedLight
+        What the detector tells; asked for the last 25 time constants as well.
     volts_per_watt : float
-        Rms voltage at the fundamental of the chopped light, for each watt of `light`.
+        Rms voltage at the fundamental of the chopped light, for each watt while the chopper is open.
     phase_deg : float
         Of the signal against the chopper's reference.
     chopper_hz : float
@@ -50,7 +53,7 @@ class StanfordSr830:
 
     def __init__(
         self,
-        light: Light,
+        light: ChoppedLight,
         *,
         volts_per_watt: float = 1e5,
         phase_deg: float = 0.0,
@@ -61,7 +64,7 @@ class StanfordSr830:
         self._settings = {name: setting.default for name, setting in SETTINGS.items()}
         self._settings["OUTX"] = float(answers_at_gpib)
         self._lock_in = LockIn(light, self._settings, volts_per_watt, phase_deg, chopper_hz)
-        self._outputs = outputs = Sr830Outputs(self._lock_in, light)
+        self._outputs = outputs = Sr830Outputs(self._lock_in)
         self._events = _POWER_ON
         self._inward, self._outward = SerialLine(baudrate), SerialLine(baudrate)
         self._free_s = 0.0
@@ -92,6 +95,12 @@ class StanfordSr830:
     def session(self) -> _Session:
         """A new client."""
         return _Session(self)
+
+    def power_cycle(self, now_s: float) -> None:
+        """Begin afresh with the settings that it had, which a battery keeps."""
+        self._autos.clear()
+        self._events, self._free_s = _POWER_ON, now_s
+        self._lock_in.restart(now_s)
 
     def set_chopper(self, frequency_hz: float, now_s: float) -> None:
         """Let the chopper run at another frequency, or stand at 0."""
@@ -191,7 +200,8 @@ class StanfordSr830:
         """One after the other; each takes as long as the filter needs to settle, and a second."""
         require(not parameters)
         begin_s = self._autos[-1][0] if self._autos else now_s
-        self._autos.append((begin_s + _AUTO_S + self._lock_in.settling_s(), finish))
+        if len(self._autos) < _MOST_AUTOS:
+            self._autos.append((begin_s + _AUTO_S + self._lock_in.settling_s(), finish))
 
     def _finish_autos(self, now_s: float) -> None:
         while self._autos and self._autos[0][0] <= now_s:

@@ -2,19 +2,25 @@
 
 from __future__ import annotations
 
+import cmath
 import math
 from enum import IntFlag
 from typing import NamedTuple
 
-from sim_devices.light import Light
+from sim_devices.light import ChoppedLight
 from sim_devices.stanford_sr830.low_pass import LowPass
 from sim_devices.stanford_sr830.settings import NOISE_EXPOSURES, SENSITIVITIES_V, TIME_CONSTANTS_S, wrapped_deg
 
-_LARGEST_INPUT_V = 1.0
+# the peak of 1 V rms
+_LARGEST_PEAK_V = math.sqrt(2)
+# the swing of a square wave over the rms of its fundamental
+_SWING = math.pi / math.sqrt(2)
 # a display goes so far beyond full scale
 _FULL_SCALES = 1.09
 _LOCK_PERIODS = 5
+_AC = 0
 _LONGEST_EXPOSURE_S = 1.0
+_SAMPLE_S = 0.003
 # where the detection frequency changes its range
 _RANGE_HZ = 200.0
 
@@ -41,18 +47,22 @@ class Outputs(NamedTuple):
 class LockIn:
     """A lock-in amplifier whose detector looks at a chopped light.
 
+    What the detector tells while the chopper is closed, such as its dark current, is there while it is open too, and
+    is not detected: only the swing between the two is. Of a detector whose noise has the one-sided density e, in
+    W/sqrt(Hz), X and Y have each the noise pi/sqrt(2) `volts_per_watt` e sqrt(B), with the filter's noise bandwidth B,
+    whatever the chopper does to the light; it is averaged as long as the filter does, and drawn anew after that time.
+
     Without a reference from the chopper there is nothing to see, and what the outputs are is not known: here they fall
-    to 0. A new phase acts at once. The noise of the detector, averaged as long as the filter does, is drawn anew after
-    that time.
+    to 0. A new phase acts at once.
 
     Parameters
     ----------
-    light : Light
-        What reaches the detector while the chopper is open.
+    light : ChoppedLight
+        What the detector tells.
     settings : dict of str to float
         The device's settings, by their commands; whoever changes one first calls `watch`, and tells of some.
     volts_per_watt : float
-        Rms voltage at the fundamental of the chopped light.
+        Rms voltage at the fundamental of the chopped light, for each watt while the chopper is open.
     phase_deg : float
         Of the signal against the reference.
     chopper_hz : float
@@ -60,12 +70,18 @@ class LockIn:
     """
 
     def __init__(
-        self, light: Light, settings: dict[str, float], volts_per_watt: float, phase_deg: float, chopper_hz: float
+        self,
+        light: ChoppedLight,
+        settings: dict[str, float],
+        volts_per_watt: float,
+        phase_deg: float,
+        chopper_hz: float,
     ) -> None:
         self._light, self._settings = light, settings
-        self.volts_per_watt, self._phase_deg, self._chopper_hz = volts_per_watt, phase_deg, chopper_hz
+        self._volts_per_watt, self._phase_deg, self._chopper_hz = volts_per_watt, phase_deg, chopper_hz
         self._locked_s = -math.inf
-        self._noise_v, self._noise_end_s = 0.0, -math.inf
+        self._noise_v, self._noise_end_s = 0j, -math.inf
+        self._watched_s, self._input_peak_v = 0.0, 0.0
         self._filter = LowPass(self._signal_v, *self._stages())
         self._range = self._frequency_hz(0.0) >= _RANGE_HZ
         self.events = Event(0)
@@ -73,13 +89,21 @@ class LockIn:
     def watch(self, now_s: float) -> None:
         """Let everything happen that has happened by now, with the settings as they are."""
         self._filter.output(now_s)
-        if self._filter.input_peak > _LARGEST_INPUT_V:
+        if self._input_peak_v > _LARGEST_PEAK_V:
             self.events |= Event.INPUT_OVERLOAD
         if self._filter.output_peak > _FULL_SCALES * self.full_scale_v:
             self.events |= Event.OUTPUT_OVERLOAD
-        self._filter.input_peak = self._filter.output_peak = 0.0
+        self._filter.output_peak = self._input_peak_v = 0.0
+        self._watched_s = now_s
         if not self._is_locked(now_s):
             self.events |= Event.UNLOCKED
+
+    def restart(self, now_s: float) -> None:
+        """Forget what happened, and lock to the reference again."""
+        self.watch(now_s)
+        self.events = Event(0)
+        self.filter_changed()
+        self.reference_changed(now_s)
 
     def filter_changed(self) -> None:
         """Take the time constant and the slope that are set now."""
@@ -116,17 +140,21 @@ class LockIn:
 
     def outputs(self, now_s: float) -> Outputs:
         """All outputs at one time; voltages end a little above full scale."""
-        amplitude_v = self._filter.output(now_s) + self._noise(now_s)
-        angle_rad = math.radians(self._phase_deg - self._settings["PHAS"])
-        x, y = amplitude_v * math.cos(angle_rad), amplitude_v * math.sin(angle_rad)
+        phase_rad = math.radians(self._phase_deg - self._settings["PHAS"])
+        found_v = cmath.rect(self._filter.output(now_s), phase_rad) + self._noise(now_s)
         limit_v = _FULL_SCALES * self.full_scale_v
         return Outputs(
-            min(max(x, -limit_v), limit_v),
-            min(max(y, -limit_v), limit_v),
-            min(abs(amplitude_v), limit_v),
-            wrapped_deg(math.degrees(math.atan2(y, x))) if amplitude_v else 0.0,
+            min(max(found_v.real, -limit_v), limit_v),
+            min(max(found_v.imag, -limit_v), limit_v),
+            min(abs(found_v), limit_v),
+            wrapped_deg(math.degrees(cmath.phase(found_v))) if found_v else 0.0,
             self._frequency_hz(now_s),
         )
+
+    def level_v(self, now_s: float) -> float:
+        """Mean voltage of the detector before the lock-in."""
+        mean_w = (self._light.open_w(now_s, _SAMPLE_S) + self._light.closed_w(now_s, _SAMPLE_S)) / 2
+        return self._volts_per_watt * _SWING * mean_w
 
     def settling_s(self) -> float:
         """A time after which the output has settled to better than 99 %."""
@@ -145,28 +173,41 @@ class LockIn:
     def _frequency_hz(self, now_s: float) -> float:
         return self._reference_hz if self._is_locked(now_s) else 0.0
 
-    def _signal_v(self, time_s: float) -> float:
-        if not self._sees_light(time_s):
+    def _signal_v(self, start_s: float, duration_s: float) -> float:
+        """What is detected of a stretch of light; what overloads the input is noted, and cut off."""
+        settings = self._settings
+        if not self._has_detector:
+            return 0.0
+        open_w, closed_w = self._light.open_w(start_s, duration_s), self._light.closed_w(start_s, duration_s)
+        # between saturated and saturated there is no swing
+        swing_w = open_w - closed_w if closed_w < math.inf else 0.0
+        # through a capacitor a square wave swings about its middle; a detector at its limit is too much for any input
+        peak_w = swing_w / 2 if settings["ICPL"] == _AC and open_w < math.inf else open_w
+        peak_v = _SWING * self._volts_per_watt * peak_w
+        if start_s + duration_s > self._watched_s:
+            self._input_peak_v = max(self._input_peak_v, peak_v)
+        is_synchronous = settings["FMOD"] == 0 and settings["HARM"] % 2 == 1 and self._is_locked(start_s)
+        if not is_synchronous:
             return 0.0
         # a square wave has odd harmonics only, each weaker as its number
-        return self.volts_per_watt / self._settings["HARM"] * self._light.power_w(time_s)
+        return min(self._volts_per_watt * swing_w, 2 * _LARGEST_PEAK_V / _SWING) / settings["HARM"]
 
-    def _sees_light(self, time_s: float) -> bool:
-        """Whether the detector at input A is detected at the frequency of its chopper."""
-        settings = self._settings
-        return settings["FMOD"] == 0 and settings["ISRC"] < 2 and settings["HARM"] % 2 == 1 and self._is_locked(time_s)
+    @property
+    def _has_detector(self) -> bool:
+        """Whether the detector's input, A, is looked at."""
+        return self._settings["ISRC"] < 2
 
-    def _noise(self, now_s: float) -> float:
-        if not self._sees_light(now_s):
-            return 0.0
+    def _noise(self, now_s: float) -> complex:
+        """Noise of X and, as the imaginary part, of Y."""
+        if not (self._has_detector and self._is_locked(now_s)):
+            return 0j
         if now_s >= self._noise_end_s:
             slope = int(self._settings["OFSL"])
             duration_s = NOISE_EXPOSURES[slope] * TIME_CONSTANTS_S[int(self._settings["OFLT"])]
             exposure_s = min(duration_s, _LONGEST_EXPOSURE_S)
-            begin_s = now_s - exposure_s
-            clear_w = self._light.power_w(begin_s + exposure_s / 2)
-            noise_w = self._light.measure_w(begin_s, exposure_s) - clear_w
             # white noise falls with the root of the time
-            self._noise_v = self.volts_per_watt * noise_w * math.sqrt(exposure_s / duration_s)
+            volts = self._volts_per_watt * _SWING * math.sqrt(exposure_s / duration_s)
+            x_w, y_w = (self._light.noise_w(now_s - exposure_s, exposure_s) for _ in range(2))
+            self._noise_v = volts * complex(x_w, y_w)
             self._noise_end_s = now_s + duration_s
         return self._noise_v

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from sim_devices.light import Light
 from sim_devices.stanford_sr830.lock_in import LockIn
 from sim_devices.stanford_sr830.parameters import place, require, text
 from sim_devices.stanford_sr830.settings import AUX_OUTPUT
@@ -13,18 +12,16 @@ _LARGEST_OFFSET, _LARGEST_AUX_V = 105.0, 10.5
 class Sr830Outputs:
     """The outputs of a lock-in.
 
-    Aux input 1 tells the detector's level before the lock-in, the others are 0. The displays show X and Y.
+    Aux input 1 tells the detector's mean level before the lock-in, the others are 0. The displays show X and Y.
 
     Parameters
     ----------
     lock_in : LockIn
         What is measured.
-    light : Light
-        What reaches the detector.
     """
 
-    def __init__(self, lock_in: LockIn, light: Light) -> None:
-        self._lock_in, self._light = lock_in, light
+    def __init__(self, lock_in: LockIn) -> None:
+        self._lock_in = lock_in
         self.reset()
 
     def reset(self) -> None:
@@ -78,6 +75,6 @@ class Sr830Outputs:
         return [x, y, r, theta_deg, *self._aux_inputs_v(now_s), frequency_hz, x, y]
 
     def _aux_inputs_v(self, now_s: float) -> list[float]:
-        level_v = self._light.power_w(now_s) * self._lock_in.volts_per_watt
+        level_v = min(self._lock_in.level_v(now_s), _LARGEST_AUX_V)
         # to a third of a millivolt
-        return [min(round(level_v * 3000) / 3000, _LARGEST_AUX_V), 0.0, 0.0, 0.0]
+        return [round(level_v * 3000) / 3000, 0.0, 0.0, 0.0]

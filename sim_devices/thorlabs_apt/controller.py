@@ -6,11 +6,12 @@ import struct
 from collections.abc import Mapping
 
 from sim_devices.axis import Axis
-from sim_devices.device import Due, Later
+from sim_devices.device import Due, Later, Tell, unheard
 from sim_devices.serving.baud import SerialLine
-from sim_devices.thorlabs_apt.channel import Announced, AptChannel
-from sim_devices.thorlabs_apt.messages import BAYS, MOTHERBOARD, SINGLE_UNIT, AptMessage, AptReader
+from sim_devices.thorlabs_apt.channel import AptChannel
+from sim_devices.thorlabs_apt.messages import BAYS, HOST, MOTHERBOARD, SINGLE_UNIT, AptMessage, AptReader
 from sim_devices.thorlabs_apt.models import AptModel
+from sim_devices.thorlabs_apt.orders import Announced
 
 _BAUDRATE = 115200
 _LATENCY_S = 0.002
@@ -31,6 +32,11 @@ class ThorlabsApt:
     axes : mapping of int to Axis
         What it turns: 1 is the only one of a single unit; of a rack, 1 to 3 are bays.
 
+    Attributes
+    ----------
+    tell : callable
+        Where it reports, at a time, what happens to it.
+
     Raises
     ------
     ValueError
@@ -41,6 +47,7 @@ class ThorlabsApt:
         if set(axes) - {1, 2, 3} or not axes or (not model.is_rack and set(axes) != {1}):
             raise ValueError(f"A {model.name} cannot have stages {sorted(axes)}; a single unit has 1, a rack 1 to 3.")
         self.model = model
+        self.tell: Tell = unheard
         self._bays = max(axes)
         first = BAYS[0] if model.is_rack else SINGLE_UNIT
         self._channels = {first + number - 1: AptChannel(axis, model) for number, axis in axes.items()}
@@ -53,6 +60,23 @@ class ThorlabsApt:
         """Lose home, counters and settings; motions end at once."""
         for channel in self._channels.values():
             channel.power_cycle(now_s)
+
+    def hit_limit(self, axis: Axis, now_s: float) -> None:
+        """Let a stage meet a limit switch."""
+        address, channel = self._of(axis)
+        self.tell(now_s, channel.hit_limit(_from_host(address), now_s).encode())
+
+    def lose_home(self, axis: Axis, now_s: float) -> None:
+        """Let a controller forget where a stage's home is."""
+        self._of(axis)[1].lose_home(now_s)
+
+    def overload(self, axis: Axis, now_s: float) -> None:
+        """Let a motor be overloaded: it has no power until its channel is enabled again."""
+        address, channel = self._of(axis)
+        self.tell(now_s, channel.overload(_from_host(address), now_s).encode())
+
+    def _of(self, axis: Axis) -> tuple[int, AptChannel]:
+        return next((address, channel) for address, channel in self._channels.items() if channel.turns(axis))
 
     def channels(self, address: int) -> Mapping[int, AptChannel]:
         """The channels that a message to `address` is for, by their own addresses: all of a rack's, or one, or none."""
@@ -87,6 +111,10 @@ class ThorlabsApt:
             0,
             self._bays,
         )
+
+
+def _from_host(address: int) -> AptMessage:
+    return AptMessage(0, address, HOST)
 
 
 class _Session:

@@ -1,9 +1,9 @@
 """Messages of the Thorlabs APT protocol, as a controller reads and writes them.
 
-There is no start byte and no checksum. A header is believed when its number is one that messages have, it is addressed
-to a controller, a rack or a bay and, if data follow, announces no more of them than any message has; otherwise its
-first byte is dropped. A message whose rest does not come is given up, so that neither memory nor the next command is
-lost to it.
+There is no start byte and no checksum. A header is believed when its number is one that messages may have, it is
+addressed by a host to a controller, a rack or a bay and, if data follow, announces no more of them than any message
+has; otherwise its first byte is dropped. A message whose rest does not come is given up, so that neither memory nor the
+next command is lost to it.
 """
 
 from __future__ import annotations
@@ -13,10 +13,13 @@ from dataclasses import dataclass
 
 HOST, MOTHERBOARD, SINGLE_UNIT = 0x01, 0x11, 0x50
 BAYS = range(0x21, 0x2B)
+CHANNEL = 1
+
+_HOSTS = range(0x01, 0x10)
 
 _HEADER_BYTES = 6
 _HAS_DATA = 0x80
-_HIGHEST_NUMBER = 0x0FFF
+_HIGHEST_NUMBER = 0x7FFF
 _MOST_DATA_BYTES = 512
 _PATIENCE_S = 0.5
 
@@ -104,7 +107,7 @@ class AptReader:
 def _data_bytes(header: bytes) -> int | None:
     """How many data bytes follow a header; None when it is none."""
     number, destination, source = int.from_bytes(header[:2], "little"), header[4] & ~_HAS_DATA, header[5]
-    if not 0 < number <= _HIGHEST_NUMBER or source & _HAS_DATA:
+    if not 0 < number <= _HIGHEST_NUMBER or source not in _HOSTS:
         return None
     if destination not in BAYS and destination not in (MOTHERBOARD, SINGLE_UNIT):
         return None

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 # a stepper's velocity and acceleration words count microsteps on its 53.68 kHz clock
 _STEPPER_VELOCITY, _STEPPER_ACCELERATION = 53.68, 53.68 * 204.94e-6
-# a DC servo's count encoder steps a sampling interval, in 1/65536
-_SERVO_S = 2048 / 6e6
-_SERVO_VELOCITY, _SERVO_ACCELERATION = _SERVO_S * 65536, _SERVO_S**2 * 65536
+# a servo's count encoder steps a sampling interval, in 1/65536
+_DC_S, _BRUSHLESS_S = 2048 / 6e6, 102.4e-6
+_SPEED_STEPS = 65536
 
 
 @dataclass(frozen=True)
@@ -32,15 +32,17 @@ class AptModel:
     home_velocity_deg_s, home_offset_deg : float
         Settings after power-on. With that offset, the home position is at 0 deg of the axis.
     turn_limit : int
-        Turns either way from the counter's zero at which the controller stops to count.
+        Turns either way from the counter's zero beyond which the controller does not turn.
     is_rack : bool
         Whether motors are addressed by bay.
     is_servo : bool
-        Whether the motor is a DC servo, with status messages of its own kind.
+        Whether the motor is a DC or brushless servo, with status messages of its own kind.
     completes_empty_moves : bool
         Whether a move to where the stage stands is reported as completed.
     completes_with_status : bool
         Whether a completed move is reported with the status, or by a short message.
+    explains_faults : bool
+        Whether a fault is reported with its number and in words, or by a short message.
     forward_is_clockwise : bool
         Which of the two direction bits stands for counting up.
     """
@@ -60,6 +62,7 @@ class AptModel:
     is_servo: bool = False
     completes_empty_moves: bool = True
     completes_with_status: bool = True
+    explains_faults: bool = True
     forward_is_clockwise: bool = False
 
     @property
@@ -107,11 +110,25 @@ KDC101_PRM1Z8 = AptModel(
     serial_number=27000001,
     hardware_type=16,
     counts_per_deg=1919.6419,
-    velocity_word=_SERVO_VELOCITY,
-    acceleration_word=_SERVO_ACCELERATION,
+    velocity_word=_DC_S * _SPEED_STEPS,
+    acceleration_word=_DC_S**2 * _SPEED_STEPS,
     velocity_deg_s=25.0,
     acceleration_deg_s2=25.0,
     home_velocity_deg_s=10.0,
     is_servo=True,
     forward_is_clockwise=True,
 )
+KBD101_DDR100 = AptModel(
+    "KBD101",
+    serial_number=28000001,
+    hardware_type=16,
+    counts_per_deg=9102.22,
+    velocity_word=_BRUSHLESS_S * _SPEED_STEPS,
+    acceleration_word=_BRUSHLESS_S**2 * _SPEED_STEPS,
+    velocity_deg_s=180.0,
+    acceleration_deg_s2=180.0,
+    home_velocity_deg_s=45.0,
+    is_servo=True,
+    forward_is_clockwise=True,
+)
+KBD101_DDR25 = replace(KBD101_DDR100, counts_per_deg=4000.0)

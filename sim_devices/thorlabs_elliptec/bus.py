@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 
+from sim_devices.device import Tell, unheard
 from sim_devices.thorlabs_elliptec.module import (
     BUSY,
     COMMUNICATION_TIMEOUT,
@@ -17,7 +19,7 @@ from sim_devices.thorlabs_elliptec.module import (
 )
 from sim_devices.thorlabs_elliptec.motors import ElliptecMotors
 from sim_devices.thorlabs_elliptec.packets import ADDRESSES, Packet
-from sim_devices.thorlabs_elliptec.session import ElliptecSession
+from sim_devices.thorlabs_elliptec.session import ElliptecSession, line
 
 _MOTIONS = ("ho", "ma", "mr", "fw", "bw")
 _ANSWERS = {"gj": "GJ", "go": "HO"}
@@ -37,6 +39,11 @@ class ThorlabsElliptec:
         One upper-case hex digit.
     serial_number : str
         Eight digits.
+
+    Attributes
+    ----------
+    tell : callable
+        Where it reports, at a time, what somebody did at its button.
     """
 
     def __init__(self, mover: Mover, address: str = "0", *, serial_number: str = "11400284") -> None:
@@ -45,7 +52,7 @@ class ThorlabsElliptec:
         self._mover, self._serial_number = mover, serial_number
         self._motors = ElliptecMotors(mover.motors)
         self._saved_address = address
-        self._unheard: list[tuple[float, str]] = []
+        self.tell: Tell = unheard
         self._wake()
 
     def _wake(self) -> None:
@@ -67,11 +74,15 @@ class ThorlabsElliptec:
         self._wake()
 
     def press(self, now_s: float) -> None:
-        """Press the button that moves one step forward; what the module says of it is heard with its next reply."""
-        if not self._is_busy(now_s):
-            self._drive = self._mover.drive("fw", None, now_s, percent=self._percent)
-            position = self._mover.position(self._drive.end_s)
-            self._unheard += [(now_s, f"BS{OK:02X}"), (self._drive.end_s, f"BO{_hex(position)}")]
+        """Press the button that moves one step forward, which the module tells of its own accord."""
+        if self._is_busy(now_s):
+            return
+        self._drive = self._mover.drive("fw", None, now_s, percent=self._percent)
+        if now_s >= self._isolated_until_s:
+            self.tell(now_s, line(self.address, f"BS{OK:02X}"))
+            if math.isfinite(self._drive.end_s):
+                position = self._mover.position(self._drive.end_s)
+                self.tell(self._drive.end_s, line(self.address, f"BO{_hex(position)}"))
 
     def take(self, packet: Packet, now_s: float) -> list[Said]:
         """Carry out a packet that calls it; what it says, and when, without its address."""
@@ -89,12 +100,6 @@ class ThorlabsElliptec:
     def give_up(self, address: str, now_s: float) -> list[Said]:
         """Hear that a packet to an address has not been finished in time."""
         return [(now_s, self._fail(COMMUNICATION_TIMEOUT))] if self._is_called(address, now_s) else []
-
-    def unheard(self, now_s: float) -> list[Said]:
-        """What it has said since it was last asked, without being asked."""
-        said: list[Said] = [(now_s, text) for time_s, text in self._unheard if time_s <= now_s]
-        self._unheard = [(time_s, text) for time_s, text in self._unheard if time_s > now_s]
-        return said
 
     def _is_called(self, address: str, now_s: float) -> bool:
         return now_s >= self._isolated_until_s and address in (self.address, self._group)

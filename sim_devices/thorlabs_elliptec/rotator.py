@@ -1,4 +1,4 @@
-"""The rotators among the Elliptec modules, ELL14 and ELL18."""
+"""The rotators among the Elliptec modules: ELL8, ELL14 and ELL18."""
 
 from __future__ import annotations
 
@@ -13,14 +13,13 @@ from sim_devices.thorlabs_elliptec.module import (
     ElliptecError,
 )
 
-ELL14, ELL18 = 0x0E, 0x12
-PULSES_PER_TURN = 143_360
-STEP_DEG = 360.0 / PULSES_PER_TURN
+ELL8, ELL14, ELL18 = 0x08, 0x0E, 0x12
+PULSES_PER_TURN = {ELL8: 262_144, ELL14: 143_360, ELL18: 143_360}
+STEP_DEG = 360.0 / PULSES_PER_TURN[ELL14]
 
 _TOP_DEG_S, _TOP_DEG_S2 = 430.0, 8600.0
 _SETTLE_S = 0.04
 _ENDLESS_DEG = 360.0 * 100_000
-_JOG_PULSES = PULSES_PER_TURN // 8
 
 
 class ElliptecRotator:
@@ -31,33 +30,33 @@ class ElliptecRotator:
     axis : Axis
         What it turns.
     type_code : int
-        `ELL14` or `ELL18`.
+        `ELL8`, `ELL14` or `ELL18`.
     spread : int
         Most pulses by which it misses a target.
     seed : int
         Of the misses.
     """
 
-    travel, pulses, motors = 360, PULSES_PER_TURN, 2
+    travel, motors = 360, 2
 
     def __init__(self, axis: Axis, type_code: int = ELL14, *, spread: int = 5, seed: int = 0) -> None:
-        self.type_code = type_code
-        self._axis, self._spread = axis, spread
+        self.type_code, self.pulses = type_code, PULSES_PER_TURN[type_code]
+        self._axis, self._spread, self._step_deg = axis, spread, 360.0 / self.pulses
         self._random = np.random.default_rng(seed)
         self._zero_deg = 0.0
         self._zero_from_s, self._next_zero_deg = float("inf"), 0.0
-        self._jog_pulses, self._home_offset = _JOG_PULSES, 0
+        self._jog_pulses, self._home_offset = self.pulses // 8, 0
 
     def power_cycle(self, now_s: float) -> None:
         """Stop, and count from here."""
         self.stop(now_s)
         self._zero_deg = self._axis.target_deg
-        self._jog_pulses, self._home_offset = _JOG_PULSES, 0
+        self._jog_pulses, self._home_offset = self.pulses // 8, 0
 
     def position(self, now_s: float) -> int:
         """Position in pulses."""
         self._finish_homing(now_s)
-        return round((self._axis.position_deg(now_s) - self._zero_deg) / STEP_DEG)
+        return round((self._axis.position_deg(now_s) - self._zero_deg) / self._step_deg)
 
     def drive(self, command: str, value: int | None, now_s: float, *, percent: int) -> Drive:
         """Begin one of the motions ho, ma, mr, fw, bw; raises ElliptecError, and then nothing has moved."""
@@ -90,19 +89,19 @@ class ElliptecRotator:
         return self._jog_pulses if command in ("sj", "gj") else self._home_offset
 
     def _go(self, target: int, now_s: float, percent: int) -> Drive:
-        return self._turn(self._zero_deg + (target + self._miss()) * STEP_DEG, now_s, percent)
+        return self._turn(self._zero_deg + (target + self._miss()) * self._step_deg, now_s, percent)
 
     def _home(self, direction: int, now_s: float, percent: int) -> Drive:
         """Turn one way, 0 towards lower positions, to the offset behind the mark at 0 deg, and count from there."""
         if direction not in (0, 1):
             raise ElliptecError(NOT_SUPPORTED)
-        sign, start_deg = 1 if direction else -1, self._axis.position_deg(now_s)
-        mark_deg = self._home_offset * STEP_DEG
+        sign, start_deg = 1 if direction else -1, self._axis.motor_deg(now_s)
+        mark_deg = self._home_offset * self._step_deg
         # as near to home as it can tell, it does not turn once round
-        tolerance_deg = (2 * self._spread + 1) * STEP_DEG
+        tolerance_deg = (2 * self._spread + 1) * self._step_deg
         way_deg = (sign * (mark_deg - start_deg) + tolerance_deg) % 360.0 - tolerance_deg
         self._next_zero_deg = start_deg + sign * way_deg
-        drive = self._turn(self._next_zero_deg + self._miss() * STEP_DEG, now_s, percent)
+        drive = self._turn(self._next_zero_deg + self._miss() * self._step_deg, now_s, percent)
         self._zero_from_s = drive.end_s if not drive.status else float("inf")
         return drive
 

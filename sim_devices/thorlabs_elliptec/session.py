@@ -32,10 +32,6 @@ class Module(Protocol):
         """Hear that a packet to an address has not been finished in time."""
         ...
 
-    def unheard(self, now_s: float) -> list[Said]:
-        """What the module has said since it was last asked, without being asked."""
-        ...
-
 
 class ElliptecSession:
     """A conversation; a packet that is not finished in time is dropped.
@@ -55,7 +51,7 @@ class ElliptecSession:
 
     def receive(self, data: bytes, now_s: float) -> list[Due]:
         """Take one character after the other."""
-        due = self._say(self._module.unheard(now_s))
+        due: list[Due] = []
         self._last_s = now_s
         for byte in data:
             heard_s = self._to_module.carry(1, now_s)
@@ -83,14 +79,16 @@ class ElliptecSession:
 
     def _due(self, time_s: float, said: str | Callable[[float], str | None]) -> Due:
         if isinstance(said, str):
-            line = self._line(said)
-            return self._to_host.carry(len(line), time_s + _LATENCY_S), line
+            reply = line(self._module.address, said)
+            return self._to_host.carry(len(reply), time_s + _LATENCY_S), reply
 
         def say(due_s: float) -> list[Due]:
             text = said(time_s)
-            return [] if text is None else [(due_s, self._line(text))]
+            return [] if text is None else [(due_s, line(self._module.address, text))]
 
         return SerialLine(_BAUDRATE).carry(_POSITION_BYTES, time_s + _LATENCY_S), say
 
-    def _line(self, text: str) -> bytes:
-        return f"{self._module.address}{text}\r\n".encode("ascii")
+
+def line(address: str, text: str) -> bytes:
+    """What a module says, as it goes over the bus."""
+    return f"{address}{text}\r\n".encode("ascii")

@@ -14,9 +14,10 @@ from mutation import Mutator
 from target import Target
 
 from goniometer.errors import DeviceError
-from sim_devices.serving import control
+from sim_devices.serving import control, remote_clock
 from sim_devices.serving.clock import VirtualClock
-from sim_devices.serving.control import ControlServer, RemoteClock
+from sim_devices.serving.control import ControlServer
+from sim_devices.serving.remote_clock import RemoteClock
 
 _LONGEST_REQUEST = 4096
 _REQUESTS = [
@@ -99,14 +100,14 @@ class ClientRun:
             sendall=lambda _: None,
             close=lambda: None,
         )
-        real, control.socket = (
-            control.socket,
+        real, remote_clock.socket = (
+            remote_clock.socket,
             SimpleNamespace(create_connection=lambda *_, **__: connection, IPPROTO_TCP=0, TCP_NODELAY=0),
         )
         try:
             return RemoteClock("socket://127.0.0.1:1")
         finally:
-            control.socket = real
+            remote_clock.socket = real
 
 
 TARGETS = [Target("control", "device", ServerRun), Target("control", "driver", ClientRun)]

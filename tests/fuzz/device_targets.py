@@ -49,6 +49,18 @@ class Lamp:
         """Mean power over an exposure."""
         return 1e-6
 
+    def open_w(self, time_s: float, exposure_s: float) -> float:
+        """What a detector tells while a chopper is open."""
+        return 1e-6
+
+    def closed_w(self, time_s: float, exposure_s: float) -> float:
+        """What it tells while the chopper is closed."""
+        return 0.0
+
+    def noise_w(self, time_s: float, exposure_s: float) -> float:
+        """No noise."""
+        return 0.0
+
 
 def _never(data: bytes) -> bool:
     return False

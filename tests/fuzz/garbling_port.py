@@ -106,4 +106,4 @@ def open_link(port: GarblingPort, clock: FuzzClock, address: str = "socket://fuz
     time = SimpleNamespace(monotonic=clock.now)
     drivers.wire.link.time = drivers.clock.time = time  # type: ignore[assignment]
     with patch.object(drivers.wire.link, "TcpPort", lambda address, timeout_s: port):
-        return Link(address, device="fuzz", reply_timeout_s=0.5, clock=clock)
+        return Link(address, device="fuzz", reply_timeout_s=0.5)

@@ -10,7 +10,7 @@ from numpy.testing import assert_allclose
 from sim_devices.axis import Axis
 from sim_devices.thorlabs_apt.controller import ThorlabsApt
 from sim_devices.thorlabs_apt.messages import AptMessage, AptReader
-from sim_devices.thorlabs_apt.models import BSC200_HDR50, K10CR1, KDC101_PRM1Z8
+from sim_devices.thorlabs_apt.models import BSC200_HDR50, K10CR1, KBD101_DDR25, KBD101_DDR100, KDC101_PRM1Z8
 
 MOVING, HOMING, HOMED, SETTLED, ENABLED = 0x30, 0x200, 0x400, 0x2000, 0x8000_0000
 REQ_STATUS, REQ_SERVO_STATUS = b"\x80\x04\x01\x00\x50\x01", b"\x90\x04\x01\x00\x50\x01"
@@ -102,6 +102,8 @@ ANSWERS = [
     # unknown ones, short and long, and one whose data have another length
     ("99 09 01 00 50 01 11 02 01 00 50 01", "12 02 01 01 01 50", 6),
     ("99 09 03 00 D0 01 43 04 01 11 02 01 00 50 01", "12 02 01 01 01 50", 6),
+    ("18 40 01 00 50 01 11 02 01 00 50 01", "12 02 01 01 01 50", 6),
+    ("18 40 02 00 D0 01 11 00 11 02 01 00 50 01", "12 02 01 01 01 50", 6),
     ("10 04 04 00 D0 01 01 00 07 00 11 04 01 00 50 01", "12 04 06 00 81 50 01 00 00 00 00 00", 12),
     # behind noise
     ("FF 11 02 01 00 50 01", "12 02 01 01 01 50", 6),
@@ -138,7 +140,9 @@ def test_what_was_set_is_told_exactly(k10cr1, feed, number, form, values):
     assert answer == struct.pack("<HHBB", number + 2, len(data), 0x81, 0x50) + data
 
 
-@pytest.mark.parametrize(("model", "name"), [(K10CR1, b"K10CR1"), (KDC101_PRM1Z8, b"KDC101")])
+@pytest.mark.parametrize(
+    ("model", "name"), [(K10CR1, b"K10CR1"), (KDC101_PRM1Z8, b"KDC101"), (KBD101_DDR25, b"KBD101")]
+)
 def test_a_single_unit_says_what_it_is(model, name):
     ((_, message),) = ThorlabsApt(model, {1: Axis(0.01)}).session().receive(short(0x0005), 0.0)
     serial, told = struct.unpack_from("<I8s", message, 6)
@@ -153,6 +157,8 @@ def test_scales_are_those_of_the_sheet():
         (K10CR1, 7_329_109, 1502.03),
         (BSC200_HDR50, 4_030_885, 826),
         (KDC101_PRM1Z8, 42_941.66, 14.66),
+        (KBD101_DDR100, 9102.22 * 102.4e-6 * 65536, 9102.22 * 102.4e-6**2 * 65536),
+        (KBD101_DDR25, 4000 * 102.4e-6 * 65536, 4000 * 102.4e-6**2 * 65536),
     ]:
         assert_allclose(model.velocity_scale, velocity, rtol=2e-6)
         assert_allclose(model.acceleration_scale, acceleration, rtol=5e-4)
@@ -325,6 +331,28 @@ def test_a_motion_without_target_runs_until_it_is_stopped(talk, axis, request_by
     assert axis.position_deg(100.0) > 900
     talk.send(STOP, 100.0)
     assert numbers(talk.hear(102.0)) == [0x0466]
+
+
+def test_a_stepper_counts_what_it_was_told_and_its_encoder_what_has_come_of_it(talk, axis):
+    axis.position_deg = lambda time_s: axis.motor_deg(time_s) + 0.01
+    talk.send(TO_45_DEG, 0.0)
+    ((_, message),) = talk.hear(20.0)
+    assert struct.unpack("<Hii", message[6:16]) == (1, 6_144_000, 6_144_000 + 1365)
+    talk.send(short(0x0411) + short(0x040A), 20.0)
+    assert [struct.unpack("<i", told[8:])[0] for _, told in talk.hear(21.0)] == [6_144_000, 6_145_365]
+    # the next one begins where the last one was told to end
+    talk.send(long(0x0448, struct.pack("<Hi", 1, 1000)), 21.0)
+    talk.hear(25.0)
+    assert_allclose(axis.motor_deg(25.0), 45.0 + 1000 / K10CR1.counts_per_deg)
+
+
+def test_a_servo_counts_what_its_encoder_tells(converse):
+    axis = Axis(KDC101_PRM1Z8.step_deg)
+    axis.position_deg = lambda time_s: axis.motor_deg(time_s) + 0.01
+    talk = converse(ThorlabsApt(KDC101_PRM1Z8, {1: axis}))
+    talk.send(REQ_SERVO_STATUS, 0.0)
+    ((_, message),) = talk.hear(1.0)
+    assert struct.unpack_from("<i", message, 8)[0] == 19
 
 
 def test_counters_count_on_from_what_they_were_set_to(talk, axis):

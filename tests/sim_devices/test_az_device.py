@@ -302,6 +302,57 @@ def test_a_protection_stops_the_motor(host, drive):
     assert host.read(POSITION, 9.0) == 2000
 
 
+def test_the_command_position_is_where_the_motor_was_told_to_be_and_the_feedback_where_it_is(host, table):
+    table.position_deg = lambda time_s: table.motor_deg(time_s) + 0.1
+    host.move(1, 3000, 0.0)
+    assert (host.read(0x00C6, 1.0), host.read(POSITION, 1.0)) == (1800, 1805)
+    assert (host.read(0x00C6, 10.0), host.read(POSITION, 10.0)) == (3000, 3005)
+    # one is relative to the first, one to the second
+    host.move(2, 100, 11.0)
+    assert host.read(0x00C6, 20.0) == 3100
+    host.move(3, 100, 21.0)
+    assert host.read(0x00C6, 30.0) == 3205
+    host.write(ONE_SHOT, ZHOME, now_s=31.0)
+    assert host.has(HOME_END | IN_POS, 60.0)
+    assert (host.read(0x00C6, 60.0), host.read(POSITION, 60.0)) == (0, 5)
+
+
+def test_a_lost_home_is_an_alarm_again_and_again_until_a_position_is_preset(host, drive, table):
+    host.move(1, 1000, 0.0)
+    drive.lose_home(table, 10.0)
+    assert host.read(0x0080, 10.0) == 0x4A
+    host.write(INPUT, ALM_RST, now_s=11.0)
+    host.write(INPUT, 0, now_s=11.0)
+    assert host.has(READY, 11.0)
+    for now_s, absolute in ((12.0, lambda now_s: host.move(1, 0, now_s)), (14.0, lambda now_s: host.move(9, 0, now_s))):
+        absolute(now_s)
+        assert host.read(0x0080, now_s) == 0x4A
+        host.write(ONE_SHOT, ALM_RST, now_s=now_s + 0.5)
+    host.write(ONE_SHOT, ZHOME, now_s=16.0)
+    assert (host.read(0x0080, 16.0), host.read(POSITION, 20.0)) == (0x4A, 1000)
+    host.write(ONE_SHOT, ALM_RST, now_s=21.0)
+    # where nothing counts from home
+    host.move(2, -100, 22.0)
+    assert (host.read(0x0080, 23.0), host.read(POSITION, 30.0)) == (0, 900)
+    host.write(0x018A, 1, now_s=31.0)
+    assert host.has(HOME_END, 31.0)
+    host.move(1, 200, 32.0)
+    assert (host.read(0x0080, 40.0), host.read(POSITION, 40.0)) == (0, 200)
+
+
+def test_a_one_shot_input_leaves_those_that_are_held(host):
+    host.write(INPUT, STOP)
+    host.write(ONE_SHOT, ALM_RST, now_s=1.0)
+    assert not host.has(READY, 1.0)
+    host.write(INPUT, 0, now_s=2.0)
+    assert host.has(READY, 2.0)
+
+
+def test_the_line_may_be_slow(table):
+    ((due_s, _),) = OrientalAz(1, table, baudrate=9600).session().receive(framed("01 03 00 CC 00 02"), 2.0)
+    assert_allclose(due_s, 2.0 + 0.001 + (8 + 3.5 + 9) * 11 / 9600)
+
+
 def test_the_position_can_be_preset_at_rest_only(host, table):
     host.move(1, 1000, 0.0)
     assert host.write(0x018A, 1, now_s=0.1) == bytes.fromhex("01 90 04")

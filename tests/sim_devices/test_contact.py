@@ -74,6 +74,36 @@ def test_random_motions_agree_with_a_fine_look():
     assert 10 < found < 55
 
 
+def test_what_was_to_happen_and_was_prevented_is_no_contact(arms):
+    watch, axes = arms
+    # two motions one after the other, as a controller queues them, of which the second would touch
+    axes["detector_arm"].move(50.0, 10.0, **speed(20))
+    axes["detector_arm"].move(0.0, 20.0, **speed(20))
+    axes["detector_arm"].stop(15.0, deceleration_deg_s2=1e4)
+    assert watch.look(100.0) is None
+
+
+def test_a_motion_that_begins_before_one_that_waits_is_looked_at(arms):
+    watch, axes = arms
+    axes["detector_arm"].move(50.0, 10.0, **speed(20))
+    axes["detector_arm"].move(90.0, 40.0, **speed(20))
+    axes["source_arm"].move(-60.0, 20.0, **speed(20))
+    axes["source_arm"].move(0.0, 30.0, **speed(20))
+    contact = watch.look(100.0)
+    assert contact.parts == "source arm and detector arm"
+    assert 20.0 < contact.time_s < 24.0
+
+
+def test_of_ever_so_many_motions_none_is_forgotten(arms):
+    watch, axes = arms
+    for number in range(200):
+        axes["detector_arm"].move(50.0 if number % 2 else 90.0, 10.0 * number, **speed(20))
+        if number == 3:
+            axes["detector_arm"].move(0.0, 10.0 * number + 5.0, **speed(20))
+    assert watch.look(1e4) is not None
+    assert 30.0 < watch.contact.time_s < 45.0
+
+
 def test_arms_at_rest_next_to_each_other_cost_no_looks(arms):
     watch, axes = arms
     axes["detector_arm"].move(11.001, 10.0, **speed(20))

@@ -1,5 +1,6 @@
 """Another process' clock follows the bench's."""
 
+import contextlib
 import json
 import socket
 import threading
@@ -10,8 +11,10 @@ from numpy.testing import assert_allclose
 
 from goniometer.errors import DeviceFaultError, NotConnectedError, ReplyError
 from sim_devices.bench import Address, Bench
+from sim_devices.serving import control
 from sim_devices.serving.clock import ScaledClock, VirtualClock
-from sim_devices.serving.control import ControlServer, RemoteClock
+from sim_devices.serving.control import ControlServer
+from sim_devices.serving.remote_clock import RemoteClock
 
 TEXT = "scene: ground iron # Δ\n"
 
@@ -88,9 +91,9 @@ def test_a_remote_clock_counts_scaled_time_itself(scene_with, serve, remote, mon
     ],
 )
 def test_requests_are_answered_one_line_each(bench, serve, connect, line, keys):
-    control = connect(Address(serve(bench), None))
-    control.sendall(line + b"\n")
-    with control.makefile("rb") as replies:
+    client = connect(Address(serve(bench), None))
+    client.sendall(line + b"\n")
+    with client.makefile("rb") as replies:
         assert set(json.loads(replies.readline())) == keys
 
 
@@ -155,3 +158,28 @@ def test_what_was_sent_before_a_sleep_is_done_before_the_clock_moves(bench, serv
         clock.sleep(0.005)
         assert bench.world.analyzer.wheel.target == slot
         clock.sleep(2.0)
+
+
+def test_a_program_that_goes_while_it_waits_leaves_the_bench_to_the_next(scene_with, serve, connect, monkeypatch):
+    monkeypatch.setattr(control, "_NAP_S", 0.01)
+    with Bench(scene_with(), ScaledClock(1)) as bench:
+        address = serve(bench)
+        with connect(Address(address, None)) as gone:
+            gone.sendall(b'{"request": "sleep", "duration_s": 1000000}\n')
+        answer, end_s = b"", time.monotonic() + 20
+        while b"now_s" not in answer and time.monotonic() < end_s:
+            with connect(Address(address, None)) as next_one, next_one.makefile("rb") as replies:
+                next_one.sendall(b'{"request": "now"}\n')
+                answer = replies.readline()
+        assert b"now_s" in answer
+
+
+def test_a_web_page_cannot_speak_to_a_bench(bench, serve, connect):
+    fault = b'{"request": "fault", "fault": {"fault": "lamp_off", "for_s": 5}}\n'
+    page = connect(Address(serve(bench), None))
+    page.sendall(b"POST / HTTP/1.1\r\nContent-Type: text/plain\r\n\r\n" + fault)
+    with page.makefile("rb") as replies:
+        assert set(json.loads(replies.readline())) == {"error"}
+        with contextlib.suppress(ConnectionError):
+            assert replies.read() == b""
+    assert bench.world.power_w(bench.clock.now()) > 0

@@ -20,6 +20,7 @@ EFFECTS = {
         {"effect": "backlash", "axis": "source_arm", "play_deg": 0.05},
         {"effect": "zero_offset", "axis": "source_arm", "offset_deg": 0.1},
         {"effect": "flexure", "axis": "source_arm", "amplitude_deg": 0.1},
+        {"effect": "polarized_lamp", "s2": 0.5},
         {"effect": "lamp_drift", "relative_per_hour": -0.01},
         {"effect": "lamp_walk", "relative_per_root_hour": 0.01},
         {"effect": "flicker", "relative_amplitude": 0.01, "frequency_hz": 0.3},
@@ -39,7 +40,7 @@ EFFECTS = {
     )
 }
 OF_THE_CLOCK = {"encoder_noise", "lamp_drift", "lamp_walk", "flicker"}
-FREE_ONCE_BUILT = {"source_cone", "acceptance_cone", "slot_angle_errors", "slot_transmissions"}
+FREE_ONCE_BUILT = {"polarized_lamp", "source_cone", "acceptance_cone", "slot_angle_errors", "slot_transmissions"}
 
 
 def calls(world):

@@ -143,3 +143,16 @@ def test_both_cones_together_are_wider_than_either(bench):
     )
     assert peak_w > one_w > both_w
     assert_allclose(peak_w - both_w, (peak_w - one_w) + (peak_w - other_w), rtol=2e-2)
+
+
+@pytest.mark.parametrize("incidence_deg", [50.0, -50.0])
+@pytest.mark.parametrize("slot", [1, 2, 3, 4])
+def test_a_polarized_lamp_lights_the_sample_with_its_stokes_vector(bench, incidence_deg, slot):
+    """Also from the other side: with the arm, the lamp's own axes turn to there."""
+    lamp = {"effect": "polarized_lamp", "s1": 0.3, "s2": 0.6, "s3": -0.5}
+    index, exit_deg = 2.950 + 2.932j, math.copysign(35.0, incidence_deg)
+    surface = Surface([Specular(0.7, 0.1764, index), Diffuse(0.1, 0.1764), Directional(0.05, 0.1764, index)])
+    s0, s1, s2, _ = surface.mueller(math.radians(50.0), math.radians(35.0), math.pi) @ [1.0, 0.3, 0.6, -0.5]
+    passed = {1: s0, 2: (s0 + s1) / 2, 3: (s0 + s2) / 2, 4: (s0 - s1) / 2}[slot]
+    world = bench(lamp, incidence_deg=incidence_deg, exit_deg=exit_deg, slot=slot)
+    assert_allclose(world.power_w(100.0), 1e-3 * 1e-3 * math.cos(math.radians(35.0)) * passed, rtol=1e-9)

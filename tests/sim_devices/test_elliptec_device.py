@@ -7,7 +7,7 @@ from numpy.testing import assert_allclose
 
 from sim_devices.axis import Axis
 from sim_devices.thorlabs_elliptec.bus import ThorlabsElliptec
-from sim_devices.thorlabs_elliptec.rotator import ELL18, STEP_DEG, ElliptecRotator
+from sim_devices.thorlabs_elliptec.rotator import ELL8, ELL18, STEP_DEG, ElliptecRotator
 from sim_devices.thorlabs_elliptec.slider import ELL6, ELL9, ElliptecSlider
 from sim_devices.wheel import Wheel
 
@@ -84,6 +84,8 @@ ANSWERS = [
     (b"1gs", b""),
     (b"1ma000046000gs", b"0GS00\r\n"),
     (b"Fin0gs", b"0GS00\r\n"),
+    # two digits for one, as some hosts send them, with the end of line that clears the second
+    (b"0ca00\r0gs", b"0GS00\r\n0GS00\r\n"),
     # ends of line, and what they clear
     (b"0gs\r\n0gp\r\n", b"0GS00\r\n0PO00000000\r\n"),
     (b"0ma0000\r0gs", b"0GS00\r\n"),
@@ -113,6 +115,7 @@ def test_an_identity_is_33_characters(talk):
     ("mover", "identity"),
     [
         (lambda: ElliptecRotator(Axis(STEP_DEG), ELL18), b"IN1211400284202114010168000230"),
+        (lambda: ElliptecRotator(Axis(360 / 262_144), ELL8), b"IN0811400284202114010168000400"),
         (lambda: ElliptecSlider(Wheel(), ELL9), b"IN0911400284202114"),
         (lambda: ElliptecSlider(Wheel(), ELL6), b"IN0611400284202114"),
     ],
@@ -370,12 +373,33 @@ def test_a_two_position_slider_has_one_motor(converse):
     assert answer(talk, b"2fw2fw2i2", 0.0) == b"2GS09\r\n2GS03\r\n2PO00000020\r\n"
 
 
-def test_a_button_is_told_unasked(converse, ell9, wheel):
-    talk = converse(ell9)
+def test_a_button_is_told_unasked_at_once_and_at_the_end_of_its_motion(converse, ell9, wheel):
+    talk, told = converse(ell9), []
+    ell9.tell = lambda time_s, line: told.append((time_s, line))
     ell9.press(1.0)
     assert wheel.slot(2.0) == 2
-    assert answer(talk, b"3gp", 3.0) == b"3BS00\r\n3BO00000020\r\n3PO00000020\r\n"
-    assert answer(talk, b"3gp", 5.0) == b"3PO00000020\r\n"
+    assert told == [(1.0, b"3BS00\r\n"), (1.6, b"3BO00000020\r\n")]
+    assert answer(talk, b"3gs", 1.1) == b"3GS09\r\n"
+    # while it moves, and while it is isolated, there is nothing to tell
+    ell9.press(1.2)
+    assert len(told) == 2
+    answer(talk, b"3is01", 3.0)
+    ell9.press(5.0)
+    assert (len(told), wheel.slot(6.0)) == (2, 3)
+
+
+def test_an_ell8_has_pulses_of_its_own(converse):
+    axis = Axis(360 / 262_144)
+    talk = converse(ThorlabsElliptec(ElliptecRotator(axis, ELL8, spread=0)))
+    assert position(answer(talk, b"0ma00010000", 0.0)) == 65_536
+    assert_allclose(axis.motor_deg(1.0), 90.0)
+
+
+@pytest.mark.parametrize("home", [b"0ho0", b"0ho1", b"0ho00\r", b"0ho01\r\n", b"0ho1\n"])
+def test_a_host_may_send_one_digit_or_two_and_any_end_of_line(talk, home):
+    answer(talk, TO_45_DEG, 0.0)
+    assert answer(talk, home, 2.0, 4.0) == b"0PO00000000\r\n"
+    assert answer(talk, b"0gs", 5.0) == b"0GS00\r\n"
 
 
 @pytest.mark.parametrize("address", ["", "G", "a", "01"])

@@ -1,10 +1,13 @@
 """The simulated ESP301 speaks the language of its fact sheet."""
 
+import math
+
 import pytest
 from numpy.testing import assert_allclose
 
 from sim_devices.axis import Axis
 from sim_devices.newport_esp301.controller import NewportEsp301
+from sim_devices.newport_esp301.stages import STAGES
 
 
 @pytest.fixture
@@ -14,8 +17,8 @@ def source():
 
 @pytest.fixture
 def controller(source):
-    """Axes 1 and 2 have stages, axis 3 has none."""
-    return NewportEsp301({1: source, 2: Axis(0.0005)})
+    """Axes 1 and 2 have stages, axis 3 has none; its line takes no time."""
+    return NewportEsp301({1: source, 2: Axis(0.0005)}, baudrate=10**12)
 
 
 @pytest.fixture
@@ -165,6 +168,17 @@ def test_a_reply_takes_eight_milliseconds_and_the_next_waits_for_it(esp):
     assert_allclose(due_s, 5.008)
 
 
+def test_bytes_take_the_time_of_the_line(source):
+    for baudrate in (921_600, 19_200):
+        esp = NewportEsp301({1: source}, baudrate=baudrate).session()
+        ((due_s, text),) = esp.receive(b"1TP\r", 1.0)
+        assert_allclose(due_s, 1.008 + (4 + len(text)) * 10 / baudrate)
+        # in one after the other, and so out
+        first, second = esp.receive(b"1TP\r1TP\r", 2.0)
+        assert_allclose(first[0], 2.008 + (4 + len(text)) * 10 / baudrate)
+        assert_allclose(second[0], max(first[0] + len(text) * 10 / baudrate, 2.016 + (4 + len(text)) * 10 / baudrate))
+
+
 def test_a_move_takes_the_time_of_its_trapezoid(esp, ask, source):
     ask(esp, b"1MO;1VA10;1AC40;1AG20;1PA30\r", 100.0)
     # 30/10 + 10/80 + 10/40 s
@@ -234,9 +248,49 @@ def test_a_move_beyond_the_switch_ends_at_it(esp, ask, errors):
 def test_homing_searches_slowly_and_defines_zero(esp, ask, errors):
     ask(esp, b"1MO;1DH7;1PA67\r")
     ask(esp, b"1OR1\r", 10.0)
-    assert ask(esp, b"1MD?\r", 22.0) == b"0\r\n"
-    assert ask(esp, b"1MD?;1TP\r", 30.0) == b"1\r\n0.000000\r\n"
-    assert errors(esp, 31.0) == []
+    # 60 deg at 5 deg/s, and the search for the index
+    assert ask(esp, b"1MD?\r", 32.0) == b"0\r\n"
+    assert ask(esp, b"1MD?;1TP\r", 32.1) == b"1\r\n0.000000\r\n"
+    assert errors(esp, 33.0) == []
+
+
+@pytest.mark.parametrize("from_deg", [0, 100, -160])
+def test_homing_takes_between_ten_seconds_and_a_minute(esp, ask, from_deg):
+    ask(esp, b"1MO;1PA%d\r" % from_deg)
+    ask(esp, b"1OR\r", 20.0)
+    assert ask(esp, b"1MD?\r", 29.9) == b"0\r\n"
+    assert ask(esp, b"1MD?;1TP\r", 80.0) == b"1\r\n0.000000\r\n"
+
+
+def test_the_encoder_tells_where_the_stage_is_and_the_desired_position_where_it_should_be(esp, ask, source):
+    source.position_deg = lambda time_s: source.motor_deg(time_s) + 0.0103
+    ask(esp, b"1MO;1PA40\r")
+    assert ask(esp, b"1TP;1DP?\r", 1.125) == b"20.010500\r\n20.160000\r\n"
+    assert ask(esp, b"1TP;1DP?;1PA?\r", 20.0) == b"40.010500\r\n40.000000\r\n40.000000\r\n"
+
+
+def test_a_stage_has_its_own_model_encoder_and_speed(ask):
+    slow = NewportEsp301({2: Axis(0.001)}, stage=STAGES["SR50CC"]).session()
+    told = b"SR50CC, SN1234\r\n0.001\r\n4.000000\r\n4.000000\r\n4.000000\r\n"
+    assert ask(slow, b"2ID?;2SU?;2VU?;2VA?;2OH?\r") == told
+    assert ask(slow, b"2VA4.1;TE?\r", 1.0) == b"210\r\n"
+
+
+def test_a_stage_without_switches_turns_on(ask, errors):
+    axis = Axis(0.0005)
+    esp = NewportEsp301({1: axis}, switches_deg=math.inf).session()
+    ask(esp, b"1MO;1SR400;1PA300\r")
+    assert ask(esp, b"1MD?;1TP\r", 60.0) == b"1\r\n300.000000\r\n"
+    ask(esp, b"1MT-\r", 60.1)
+    assert axis.motor_deg(120.0) < -800
+    ask(esp, b"1ST\r", 120.0)
+    assert errors(esp, 121.0) == []
+
+
+def test_what_the_firmware_decides_can_be_set(ask):
+    esp = NewportEsp301({1: Axis(0.0005)}, line_limit=8, tick_s=1e-3).session()
+    assert ask(esp, b"1TP;1TP;;\r1TP;1TP\r", 2.0) == b"0.000000\r\n0.000000\r\n"
+    assert ask(esp, b"TB?\r", 3.0) == b"6, 2000, COMMAND DOES NOT EXIST\r\n"
 
 
 def test_homing_can_be_stopped(esp, ask, errors):

@@ -14,7 +14,8 @@ from sim_devices.faults.faulty_port import FaultySession
 from sim_devices.faults.known import one_fault
 from sim_devices.modbus.rtu import crc16
 from sim_devices.serving.clock import VirtualClock
-from sim_devices.serving.control import ControlServer, RemoteClock
+from sim_devices.serving.control import ControlServer
+from sim_devices.serving.remote_clock import RemoteClock
 
 POSITION = bytes.fromhex("01 03 00 CC 00 02")
 POSITION += crc16(POSITION)

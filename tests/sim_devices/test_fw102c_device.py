@@ -14,7 +14,8 @@ def wheel():
 
 @pytest.fixture
 def device(wheel):
-    return ThorlabsFw102c(wheel, range(1, 7))
+    """A wheel whose line takes no time."""
+    return ThorlabsFw102c(wheel, range(1, 7), baudrates=(10**15, 10**15))
 
 
 class Told:
@@ -77,7 +78,8 @@ def test_commands_are_echoed_answered_and_prompted(fw, feed, command, answer):
 
 
 def test_characters_are_echoed_before_the_command_ends(fw):
-    assert fw.receive(b"po", 1.0) == [(1.0, b"po")]
+    ((due_s, text),) = fw.receive(b"po", 1.0)
+    assert (due_s, text) == (pytest.approx(1.0), b"po")
 
 
 @pytest.mark.parametrize(("slot", "steps"), [(1, 0), (2, 1), (3, 2), (4, 3), (5, 2), (6, 1)])
@@ -85,23 +87,40 @@ def test_characters_are_echoed_before_the_command_ends(fw):
 def test_the_echo_comes_at_once_and_the_prompt_on_arrival(fw, wheel, slot, steps, speed, slot_s):
     fw.receive(b"speed=%d\r" % speed, 0.0)
     replies = fw.receive(b"pos=%d\r" % slot, 10.0)
-    assert replies[0][0] == 10.0
+    assert_allclose(replies[0][0], 10.0)
     assert_allclose(replies[-1][0], 10.0 + steps * slot_s)
     assert b"".join(text for _, text in replies) == b"pos=%d\r> " % slot
-    assert wheel.slot(10.0 + steps * slot_s) == slot
+    assert wheel.slot(10.001 + steps * slot_s) == slot
     assert steps == 0 or wheel.slot(10.0 + steps * slot_s - 0.01) is None
 
 
 def test_what_arrives_during_a_turn_is_taken_on_arrival(device, fw, wheel):
     fw.receive(b"pos=3\r", 0.0)
-    assert device.session().receive(b"pos?\r", 0.4) == [(1.0, b"pos?\r3\r> ")]
-    assert fw.receive(b"pos=5\r", 0.5) == [(1.0, b"pos=5\r"), (2.0, b"> ")]
-    assert [wheel.slot(time_s) for time_s in (0.9, 1.9, 2.0)] == [None, None, 5]
+    ((due_s, text),) = device.session().receive(b"pos?\r", 0.4)
+    assert (due_s, text) == (pytest.approx(1.0), b"pos?\r3\r> ")
+    (echoed_s, echo), (arrived_s, prompt) = fw.receive(b"pos=5\r", 0.5)
+    assert (echoed_s, echo, arrived_s, prompt) == (pytest.approx(1.0), b"pos=5\r", pytest.approx(2.0), b"> ")
+    assert [wheel.slot(time_s) for time_s in (0.9, 1.9, 2.001)] == [None, None, 5]
+
+
+@pytest.mark.parametrize(("baud", "baudrate"), [(b"0", 9600), (b"1", 115_200)])
+def test_characters_take_the_time_of_the_line(wheel, baud, baudrate):
+    fw = Told(ThorlabsFw102c(wheel, range(1, 7)).session())
+    fw.receive(b"baud=" + baud + b"\r", 0.0)
+    ((due_s, text),) = fw.receive(b"pos?\r", 1.0)
+    assert_allclose(due_s, 1.0 + (5 + len(text)) * 10 / baudrate)
+
+
+def test_without_power_it_keeps_what_was_saved_and_where_it_stands(device, ask, wheel):
+    fw = Told(device.session())
+    ask(fw, b"speed=0\rtrig=1\rsave\rsensors=1\rtrig=0\rspeed=1\rpos=3\rpo")
+    device.power_cycle(10.0)
+    assert ask(fw, b"speed?\rtrig?\rsensors?\rpos?\r", 11.0) == (b"speed?\r0\r> trig?\r1\r> sensors?\r0\r> pos?\r3\r> ")
 
 
 def test_a_twelve_slot_wheel_turns_the_shorter_way(ask):
     fw = Told(ThorlabsFw102c(Wheel(), range(1, 13)).session())
-    assert fw.receive(b"pos=11\r", 0.0)[-1][0] == 1.0
+    assert_allclose(fw.receive(b"pos=11\r", 0.0)[-1][0], 1.0, atol=0.001)
     assert ask(fw, b"pcount=6\r", 5.0) == b"pcount=6\r" + INVALID + b"> "
 
 

@@ -205,3 +205,19 @@ def test_a_flood_costs_little():
     session = az().session()
     session.receive(b"\x01\x10\x00\x58\x00\x10\xf0" * 10_000, 0.0)
     assert len(session._buffer) <= 256
+
+
+def test_a_long_silence_ends_a_frame():
+    motor = Axis(0.02)
+    session = OrientalAz(1, motor).session()
+    move = rtu("10 18 02 00 02 04 00 00 03 E8")
+    assert session.receive(move[:6], 0.0) == []
+    assert session.receive(move[6:], 5.0) == []
+    assert body_of(session.receive(move, 10.0)) == rtu("10 18 02 00 02")
+
+
+def test_a_frame_that_comes_in_pieces_within_a_computers_delays_counts():
+    session = OrientalAz(1, Axis(0.02)).session()
+    move = rtu("10 18 02 00 02 04 00 00 03 E8")
+    assert session.receive(move[:6], 0.0) == []
+    assert body_of(session.receive(move[6:], 0.1)) == rtu("10 18 02 00 02")

@@ -1,5 +1,6 @@
 """The bench serves its devices to many clients, on true time, and says when it cannot."""
 
+import contextlib
 import os
 import socket
 import time
@@ -84,6 +85,19 @@ def test_many_clients_at_once(bench, connect):
     assert [client.recv(100) for client in clients] == [b"0.000000\r\n"] * 12
 
 
+def test_more_clients_than_a_bench_takes_are_turned_away_and_disturb_nobody(bench, connect):
+    first = connect(bench.addresses["arms"])
+    assert answer(first, b"1TP\r", b"\r\n") == b"0.000000\r\n"
+    crowd = [connect(bench.addresses["arms"]) for _ in range(300)]
+    crowd[-1].settimeout(5)
+    with contextlib.suppress(ConnectionError):
+        assert crowd[-1].recv(1) == b""
+    assert answer(first, b"1TP\r", b"\r\n") == b"0.000000\r\n"
+    for client in crowd:
+        client.close()
+    assert answer(first, b"1TP\r", b"\r\n") == b"0.000000\r\n"
+
+
 class _Talkative:
     """Answers every byte with a hundred thousand."""
 
@@ -101,7 +115,7 @@ def test_a_client_that_is_slow_to_read_fills_no_memory_disturbs_nobody_and_loses
     for _ in range(questions):
         slow.sendall(b"?")
         bench.serve()
-    waiting = [link.scheduled_bytes + len(link.unsent) for link in bench._reactor._links]
+    waiting = [link.scheduled_bytes + len(link.unsent) for link in bench._reactor._clients._links]
     assert 0 < max(waiting) < 3 * _Talkative.SIZE
     assert answer(connect(bench.addresses["meter"]), b"*OPC?\n", b"\n") == b"1\n"
     missing = questions * _Talkative.SIZE
@@ -110,20 +124,21 @@ def test_a_client_that_is_slow_to_read_fills_no_memory_disturbs_nobody_and_loses
 
 
 def test_in_virtual_time_a_motion_lasts_exactly_its_profile(bench, connect):
-    arms, clock = connect(bench.addresses["arms"]), bench.clock
+    arms, clock, byte_s = connect(bench.addresses["arms"]), bench.clock, 10 / 921_600
     arms.sendall(b"1MO;1PA60\r")
     start_s = clock.now()
     clock.sleep(3.2499)
     assert answer(arms, b"1MD?\r") == b"0\r\n"
-    assert_allclose(clock.now(), start_s + 3.2579)
+    assert_allclose(clock.now(), start_s + 3.2579 + (5 + 3) * byte_s)
     assert answer(arms, b"1MD?\r") == b"1\r\n"
-    assert_allclose(bench.world.axes["source_arm"].end_s, start_s + 3.25)
+    assert_allclose(bench.world.axes["source_arm"].end_s, start_s + 3.25 + 10 * byte_s)
 
 
 def test_whoever_waits_for_a_reply_moves_virtual_time_to_it(bench, connect):
     start_s = bench.clock.now()
     assert answer(connect(bench.addresses["analyzer"]), b"pos=4\r", b"> ") == b"pos=4\r> "
-    assert_allclose(bench.clock.now(), start_s + 1.5)
+    # six characters at 115200 baud, and three slots
+    assert_allclose(bench.clock.now(), start_s + 6 * 10 / 115_200 + 1.5)
 
 
 def test_sleeping_takes_what_was_sent_before(bench, connect):

@@ -15,19 +15,25 @@ INPUT_OVERLOAD, OUTPUT_OVERLOAD, UNLOCKED, RANGE_CHANGE = 1, 4, 8, 16
 
 
 class SteppedLight:
-    """A light of one power from the beginning of time, and of others from later on; noise of a given size."""
+    """Chopped light of one power from the beginning of time, and of others from later on.
 
-    def __init__(self, power_w=FULL_W, *steps, noise_w=0.0):
+    `dark_w` is there while the chopper is closed, too; `density_w` is the noise's one-sided density in W/sqrt(Hz).
+    """
+
+    def __init__(self, power_w=FULL_W, *steps, dark_w=0.0, density_w=0.0):
         self.steps = [(-math.inf, power_w), *steps]
-        self.noise_w = noise_w
+        self.dark_w, self.density_w = dark_w, density_w
         self._random = random.Random(3)
 
-    def power_w(self, time_s):
-        return [power_w for start_s, power_w in self.steps if start_s <= time_s][-1]
+    def open_w(self, time_s, exposure_s):
+        return [power_w for start_s, power_w in self.steps if start_s <= time_s + exposure_s / 2][-1] + self.dark_w
 
-    def measure_w(self, time_s, exposure_s):
-        noise_w = self._random.gauss(0.0, self.noise_w / math.sqrt(exposure_s)) if self.noise_w else 0.0
-        return self.power_w(time_s + exposure_s / 2) + noise_w
+    def closed_w(self, time_s, exposure_s):
+        return self.dark_w
+
+    def noise_w(self, time_s, exposure_s):
+        # the mean over T has the noise bandwidth 1 / 2T
+        return self._random.gauss(0.0, self.density_w / math.sqrt(2 * exposure_s)) if self.density_w else 0.0
 
 
 def made(light=None, **how):
@@ -73,7 +79,7 @@ def lockin(ask):
         (b"OEXP 1,-5.5,2;OEXP? 1;OEXP? 2\r", b"-5.5,2\r0,0\r"),
         (b"OUTP? 1;OUTP?2\r", b"0\r0\r"),
         (b"SNAP?1,2,3,4,9,11\r", b"0,0,0,0,1000,0\r"),
-        (b"OAUX? 1;OAUX? 2\r", b"0.1\r0\r"),
+        (b"OAUX? 1;OAUX? 2\r", b"0.111\r0\r"),
         (b"SENS 3;*RST;SENS?\r", b"26\r"),
         (b"OUTX?\r", b"0\r"),
         (b"OUTX 1;*IDN?;OUTX?\r", b""),
@@ -131,7 +137,8 @@ def test_chained_queries_are_run_one_after_the_other():
 
 def test_the_outputs_are_the_light_in_volts(ask, lockin):
     assert ask(lockin, b"OUTP? 1;OUTP? 2;OUTP? 3;OUTP? 4\r", 10.0) == b"0.1\r0\r0.1\r0\r"
-    assert ask(lockin, b"SNAP? 1,3,9,10,5\r", 10.0) == b"0.1,0.1,173,0.1,0.1\r"
+    # a square wave of 0.1 V rms at its fundamental has the mean 0.1 V pi / sqrt(8), told to a third of a millivolt
+    assert ask(lockin, b"SNAP? 1,3,9,10,5\r", 10.0) == b"0.1,0.1,173,0.1,0.111\r"
 
 
 def test_numbers_have_six_digits(ask):
@@ -195,7 +202,7 @@ def test_the_output_depends_on_the_time_alone(ask):
 
 def test_a_filter_follows_a_ramp_with_its_delay():
     for stages in (1, 2, 4):
-        low_pass = LowPass(lambda time_s: 3.0 * time_s, 0.1, stages)
+        low_pass = LowPass(lambda start_s, duration_s: 3.0 * (start_s + duration_s / 2), 0.1, stages)
         lag_s = 50.0 - low_pass.output(50.0) / 3.0
         # a cell of 1/8 time constant counts as constant
         assert_allclose(lag_s, 0.1 * stages, rtol=2e-3)
@@ -203,7 +210,7 @@ def test_a_filter_follows_a_ramp_with_its_delay():
 
 def test_a_filter_that_was_not_asked_for_long_costs_25_time_constants():
     calls = []
-    low_pass = LowPass(lambda time_s: calls.append(time_s) or 1.0, 1e-5, 2)
+    low_pass = LowPass(lambda start_s, _: calls.append(start_s) or 1.0, 1e-5, 2)
     low_pass.output(0.0)
     low_pass.output(1e5)
     assert len(calls) < 500
@@ -248,11 +255,90 @@ def test_raising_the_sensitivity_ends_an_overload(ask):
     assert ask(session, b"LIAS?;OUTP? 1\r", 15.0) == b"0\r0.1\r"
 
 
-def test_too_much_light_overloads_the_input(ask):
-    session = made(SteppedLight(1.1e-5)).session()
-    ask(session, b"FMOD 0\r")
+# 1 V of the fundamental's rms is a square wave that swings by 2.22 V; the input takes 1.41 V to either side
+@pytest.mark.parametrize(
+    ("light", "coupling", "is_too_much"),
+    [
+        (SteppedLight(1.26e-5), 0, False),
+        (SteppedLight(1.29e-5), 0, True),
+        (SteppedLight(0.62e-5), 1, False),
+        (SteppedLight(0.65e-5), 1, True),
+        # a level that does not swing passes no capacitor
+        (SteppedLight(1e-6, dark_w=1e-5), 0, False),
+        (SteppedLight(1e-6, dark_w=1e-5), 1, True),
+        (SteppedLight(math.inf), 0, True),
+    ],
+)
+def test_too_much_light_overloads_the_input(ask, light, coupling, is_too_much):
+    session = made(light).session()
+    ask(session, b"FMOD 0;ICPL %d\r" % coupling)
     ask(session, b"*CLS\r", 10.0)
-    assert int(ask(session, b"LIAS?\r", 15.0)) & INPUT_OVERLOAD
+    assert bool(int(ask(session, b"LIAS?\r", 15.0)) & INPUT_OVERLOAD) == is_too_much
+    # whatever is detected of it
+    ask(session, b"HARM 2\r", 20.0)
+    ask(session, b"*CLS\r", 20.1)
+    assert bool(int(ask(session, b"LIAS?\r", 25.0)) & INPUT_OVERLOAD) == is_too_much
+
+
+def test_an_overload_that_was_read_does_not_come_back_with_another_time_constant(ask):
+    session = made(SteppedLight(2e-5, (20.0, FULL_W))).session()
+    ask(session, b"FMOD 0\r")
+    assert int(ask(session, b"LIAS?\r", 25.0)) & INPUT_OVERLOAD
+    # which looks back over 250 s
+    ask(session, b"OFLT 12\r", 26.0)
+    assert not int(ask(session, b"LIAS?\r", 30.0)) & INPUT_OVERLOAD
+
+
+def test_without_power_it_keeps_its_settings_and_locks_again(ask):
+    device = made()
+    session = device.session()
+    ask(session, b"FMOD 0;SENS 23;OFLT 7;AGAN\r")
+    ask(session, b"*CLS\r", 0.5)
+    device.power_cycle(1.0)
+    assert ask(session, b"*ESR?;SENS?;OFLT?;*STB? 1\r", 3.0) == b"128\r23\r7\r1\r"
+    assert int(ask(session, b"LIAS?\r", 4.0)) & UNLOCKED
+    assert ask(session, b"LIAS?;OUTP? 1\r", 9.0) == b"0\r0.1\r"
+
+
+def test_a_saturated_detector_is_an_overload_and_no_number_that_looks_like_light(ask):
+    session = made(SteppedLight(math.inf)).session()
+    ask(session, b"FMOD 0\r")
+    x, y, r, theta = map(float, ask(session, b"SNAP? 1,2,3,4\r", 10.0).split(b","))
+    assert (x, y, r, theta) == (1.09, 0.0, 1.09, 0.0)
+    assert float(ask(session, b"OAUX? 1\r", 10.0)) == 10.5
+
+
+def test_a_detector_that_is_saturated_at_all_times_shows_nothing_but_the_overload(ask):
+    session = made(SteppedLight(FULL_W, dark_w=math.inf)).session()
+    ask(session, b"FMOD 0\r")
+    ask(session, b"*CLS\r", 9.0)
+    assert ask(session, b"OUTP? 3;LIAS?\r", 10.0) == b"0\r1\r"
+
+
+def test_what_the_chopper_does_not_chop_is_not_detected(ask, lockin):
+    session = made(SteppedLight(dark_w=3e-7)).session()
+    ask(session, b"FMOD 0\r")
+    assert ask(session, b"SNAP? 1,2,3,4\r", 10.0) == ask(lockin, b"SNAP? 1,2,3,4\r", 10.0)
+    # (1/2 1e-6 W + 3e-7 W) 1e5 V/W pi / sqrt(2)
+    assert_allclose(float(ask(session, b"OAUX? 1\r", 10.0)), 0.1777, atol=2e-4)
+
+
+@pytest.mark.parametrize(("slope", "stages"), [(0, 1), (1, 2), (3, 4)])
+@pytest.mark.parametrize("cycles", [0.05, 0.2, 1.0])
+def test_a_filter_lets_of_a_slow_oscillation_through_what_stages_of_rc_do(ask, slope, stages, cycles):
+    """Light 1 + a sin(2 pi f t): the output's amplitude is a / (1 + (2 pi f tau)^2)^(n/2)."""
+
+    class Oscillating(SteppedLight):
+        def open_w(self, time_s, exposure_s):
+            half = math.pi * cycles * exposure_s
+            middle_s = time_s + exposure_s / 2
+            return FULL_W * (1 + 0.5 * math.sin(half) / half * math.sin(2 * math.pi * cycles * middle_s))
+
+    session = made(Oscillating()).session()
+    ask(session, b"FMOD 0;OFLT 10;OFSL %d\r" % slope)
+    found = [float(ask(session, b"OUTP? 1\r", 100.0 + 0.037 * number)) / 0.1 - 1 for number in range(1200)]
+    amplitude = math.sqrt(2 * sum(value**2 for value in found) / len(found))
+    assert_allclose(amplitude, 0.5 / (1 + (2 * math.pi * cycles) ** 2) ** (stages / 2), rtol=0.05, atol=2e-4)
 
 
 def test_a_chopper_that_stops_unlocks_the_reference(ask):
@@ -314,19 +400,32 @@ def test_an_offset_is_subtracted(ask, lockin):
     assert ask(lockin, b"OEXP? 3\r", 18.0) == b"105,0\r"
 
 
-def test_the_filter_decides_the_noise(ask):
-    """White noise of 1e-9 W/sqrt(Hz), one-sided density, after the equivalent bandwidth of one and of two stages."""
-    spreads = []
-    for command in (b"OFLT 8;OFSL 0", b"OFLT 10;OFSL 1"):
-        session = made(SteppedLight(noise_w=1e-9 / math.sqrt(2))).session()
-        ask(session, b"FMOD 0;" + command + b"\r")
-        values = [float(ask(session, b"OUTP? 1\r", 100.0 * number)) - 0.1 for number in range(1, 401)]
-        spreads.append(math.sqrt(sum(value**2 for value in values) / len(values)) / VOLTS_PER_WATT)
-    assert_allclose(spreads, [1e-9 * math.sqrt(1 / (4 * 0.1)), 1e-9 * math.sqrt(1 / 8)], rtol=0.12)
+@pytest.mark.parametrize(
+    ("command", "bandwidth_hz"),
+    [
+        (b"OFLT 8;OFSL 0", 1 / (4 * 0.1)),
+        (b"OFLT 10;OFSL 1", 1 / 8),
+        (b"OFLT 8;OFSL 2", 3 / (32 * 0.1)),
+        (b"OFLT 8;OFSL 3", 5 / (64 * 0.1)),
+    ],
+)
+def test_the_filter_decides_the_noise_of_x_and_of_y(ask, command, bandwidth_hz):
+    """Density e of the detector's noise, after the noise bandwidth of equal RC stages.
+
+    The detector has pi/sqrt(2) V/W, where its chopped light has 1 V/W of rms at the fundamental.
+    """
+    session = made(SteppedLight(density_w=1e-9)).session()
+    ask(session, b"FMOD 0;" + command + b"\r")
+    values = [list(map(float, ask(session, b"SNAP? 1,2\r", 100.0 * n).split(b","))) for n in range(1, 401)]
+    xs, ys = [x - 0.1 for x, _ in values], [y for _, y in values]
+    spread_v = VOLTS_PER_WATT * math.pi / math.sqrt(2) * 1e-9 * math.sqrt(bandwidth_hz)
+    for found in (xs, ys):
+        assert_allclose(math.sqrt(sum(value**2 for value in found) / len(found)), spread_v, rtol=0.12)
+    assert abs(sum(x * y for x, y in zip(xs, ys, strict=True))) / len(xs) < 0.2 * spread_v**2
 
 
 def test_readings_within_the_memory_of_the_filter_share_their_noise(ask):
-    session = made(SteppedLight(noise_w=1e-9)).session()
+    session = made(SteppedLight(density_w=1e-9)).session()
     ask(session, b"FMOD 0;OFLT 10;OFSL 0\r")
     first = ask(session, b"OUTP? 1\r", 100.0)
     assert ask(session, b"OUTP? 1\r", 101.9) == first

@@ -1,10 +1,13 @@
 """What devices say on their own: on true time, to whom it concerns, and without driving virtual time."""
 
+import contextlib
 import time
+import tracemalloc
 
 import pytest
 
 from sim_devices.bench import Address
+from sim_devices.serving import reactor as reactor_module
 from sim_devices.serving.clock import ScaledClock, VirtualClock
 from sim_devices.serving.reactor import Reactor
 
@@ -166,11 +169,59 @@ def test_updates_cost_no_time_and_no_memory_on_a_client_that_does_not_read(serve
     began_s = time.monotonic()
     for _ in range(100):
         clock.sleep(36.0)
-        assert max(len(link.unsent) for link in reactors[0]._links) < 100_000
+        assert max(len(link.unsent) for link in reactors[0]._clients._links) < 100_000
     other.sendall(b"?")
     assert received(other, 1) == b"?"
     assert talker.updates == pytest.approx(36_000, abs=2)
     assert time.monotonic() - began_s < 10
+
+
+def flood(client, data, count):
+    """Send again and again without reading, as much as is taken within a while; how many bytes were."""
+    client.settimeout(0.2)
+    sent = 0
+    with contextlib.suppress(TimeoutError):
+        for _ in range(count):
+            sent += client.send(data)
+    client.settimeout(5)
+    return sent
+
+
+def test_a_client_that_asks_for_much_to_be_said_later_is_not_listened_to_until_it_has_been(
+    serve, reactors, monkeypatch
+):
+    # so that time does not pass by itself meanwhile
+    monkeypatch.setattr(reactor_module, "_PATIENCE_S", 3600.0)
+    clock, talker = VirtualClock(), Talker()
+    connect = serve(talker, clock)
+    lazy, other = connect(), connect()
+    tracemalloc.start()
+    flood(lazy, b"m" * 10_000, 2000)
+    kept_bytes, _ = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert talker.moves < 10_000
+    assert kept_bytes < 8e6
+    other.sendall(b"?")
+    assert received(other, 1) == b"?"
+    before = talker.moves
+    clock.sleep(10.1)
+    clock.sleep(0.0)
+    assert talker.moves > before
+
+
+def test_what_was_to_be_said_to_a_client_that_is_gone_is_forgotten(serve, reactors):
+    clock = VirtualClock()
+    connect = serve(Talker(), clock)
+    for _ in range(20):
+        client = connect()
+        client.sendall(b"m" * 100 + b"?")
+        received(client, 1)
+        client.close()
+        clock.sleep(0.0)
+    other = connect()
+    other.sendall(b"?")
+    received(other, 1)
+    assert len(reactors[0]._agenda._unasked) <= 100
 
 
 def test_nothing_is_said_to_a_client_that_is_gone(serve):

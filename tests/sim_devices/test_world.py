@@ -12,7 +12,7 @@ from model.acceptance import Acceptance, half_angle_rad
 from model.lobes import Diffuse, Directional, Specular
 from model.surface import Surface
 from sim_devices.analyzer import analyzer_row
-from sim_devices.world import World, remember_last
+from sim_devices.world import World
 
 FAST = {"velocity_deg_s": 1e3, "acceleration_deg_s2": 1e4, "deceleration_deg_s2": 1e4}
 DARK = {"effect": "dark_current", "power_w": 2e-10}
@@ -107,17 +107,26 @@ def test_a_reading_is_of_the_geometry_at_its_middle(scene_with):
     assert len({moving, world.power_w(35.0), world.power_w(100.0)}) == 3
 
 
-def test_the_surface_is_evaluated_once_for_each_geometry_and_again_for_the_next():
-    asked = []
+def test_the_sample_is_computed_once_while_the_arms_stand_and_anew_when_one_has_moved(scene_with, monkeypatch):
+    world, computed = World(scene_with()), []
+    stokes = world._sample.stokes
 
-    def stokes(*geometry):
-        asked.append(geometry)
-        return np.array(geometry)
+    def noted(*geometry):
+        computed.append(geometry)
+        return stokes(*geometry)
 
-    evaluate = remember_last(stokes)
-    for geometry in [(1, 2, 3), (1, 2, 3), (1, 2, 4), (0, 2, 4), (1, 2, 3)]:
-        assert_allclose(evaluate(*geometry), geometry)
-    assert asked == [(1, 2, 3), (1, 2, 4), (0, 2, 4), (1, 2, 3)]
+    monkeypatch.setattr(world._sample, "stokes", noted)
+    aimed(world, 50, 20, 1)
+    powers_w = [world.power_w(time_s) for time_s in (100.0, 101.0, 102.0)]
+    assert (len(computed), len(set(powers_w))) == (1, 1)
+    # light of another slot, of the same sample
+    world.analyzer.wheel.turn(2, 110.0, slots=6, slot_s=0.5)
+    assert world.power_w(120.0) != powers_w[0]
+    assert len(computed) == 1
+    world.axes["detector_arm"].move(30, 130.0, velocity_deg_s=10, acceleration_deg_s2=1e3, deceleration_deg_s2=1e3)
+    world.analyzer.wheel.turn(1, 130.0, slots=6, slot_s=0.5)
+    assert world.power_w(140.0) != powers_w[0]
+    assert len(computed) == 2
 
 
 def test_a_lobe_of_no_weight_is_not_part_of_the_surface(scene_with):
