@@ -109,28 +109,30 @@ class Adaptive:
         return _Candidates(exit_deg[fits], visit_s[fits], reading_s, self._fewest, _LONGEST * now.elapsed_s, now.left_s)
 
     def _light_and_noise(self, result: FitResult, exit_deg: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Light (N, 3) of the fitted surface, and the covariance (N, 3, 3) of one reading in every slot."""
+        """Light (N, M) of the fitted surface, and the covariance (N, M, M) of one reading in every slot."""
         stokes = light_of(result.surface)(np.full(len(exit_deg), self._recipe.incidence_deg), exit_deg)
         steps = self._visits.steps(1, float(exit_deg[0]), 1, HOME)
-        analyzer_deg = [step.analyzer_deg for step in steps if step.analyzer_deg is not None]
+        analyzer = [step.analyzer for step in steps if step.kind == "signal"]
         noise = [
             expected_covariance(
                 of_direction,
                 angle_deg,
                 self._detection,
-                analyzer_deg=analyzer_deg,
+                analyzer=analyzer,
                 exposure_s=self._recipe.exposure_s,
                 has_dark=self._recipe.dark,
             )
             for of_direction, angle_deg in zip(stokes, exit_deg.tolist(), strict=True)
         ]
-        return stokes, np.array(noise)
+        return stokes[:, : len(noise[0])], np.array(noise)
 
     def _deciding(self, result: FitResult, candidates: _Candidates) -> Visit:
         """Where the best optimum and the next best differ most per second."""
         stokes, noise = self._light_and_noise(result, candidates.exit_deg)
         other = light_of(self._family.seen(result.alternatives[0].parameters))
-        apart = stokes - other(np.full(len(stokes), self._recipe.incidence_deg), candidates.exit_deg)
+        apart = (
+            stokes - other(np.full(len(stokes), self._recipe.incidence_deg), candidates.exit_deg)[:, : stokes.shape[1]]
+        )
         each = np.einsum("np,np->n", apart, np.linalg.solve(noise, apart[..., None])[..., 0])
         readings = np.clip(np.ceil(_DECISIVE / np.maximum(each, 1e-9)), self._fewest, MAX_READINGS)
         told = np.minimum(each * readings, _DECISIVE)
@@ -170,10 +172,11 @@ class Adaptive:
         data = dataset(now.points)
         assert data.covariance is not None, "points have covariances"
         known = prior_information(self._family)
-        known = known + information(self._family, data.directions, data.covariance, result.values).sum(axis=0)
+        told = information(self._family, data.directions, data.covariance, result.values, data.observable)
         _, noise = self._light_and_noise(result, candidates.exit_deg)
         there = directions(np.full(len(noise), self._recipe.incidence_deg), candidates.exit_deg)
-        return known, information(self._family, there, noise, result.values)
+        pieces = information(self._family, there, noise, result.values, data.observable)
+        return known + told.sum(axis=0), pieces
 
 
 def first_exits_deg(recipe: Recipe, family: SurfaceFamily) -> list[float]:

@@ -22,7 +22,7 @@ class Course(Protocol):
         ...
 
     def next(self, points: Sequence[StokesPoint]) -> Sequence[Step]:
-        """The steps of the next direction, when these points have been measured; none at the end."""
+        """The steps of the next direction, when these points have been measured; none once the scan has ended."""
         ...
 
 

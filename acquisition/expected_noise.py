@@ -11,17 +11,17 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from acquisition.analyzer_matrix import analyzer_row
+from acquisition.analyzer_matrix import AnalyzerState
 from acquisition.expand import Step, Target
+from acquisition.lamp_level import LampLevel
 from acquisition.readings import Reading, StokesPoint
-from acquisition.reduce import LampLevel, NoiseModel, Radiometry, Reduction
-from acquisition.timing import READING_S
+from acquisition.reduce import NoiseModel, Radiometry, Reduction
 from model.acceptance import Acceptance
 from model.geometry import FloatArray, in_plane
 from model.surface import Surface
 
 Light = Callable[[FloatArray, FloatArray], FloatArray]
-"""S0, S1, S2 (N, 3) in 1/sr for incidence and signed exit angles (N,) in degrees."""
+"""S0 to S3 (N, 4) in 1/sr for incidence and signed exit angles (N,) in degrees."""
 
 
 @dataclass(frozen=True)
@@ -42,10 +42,10 @@ class Detection:
     noise: NoiseModel
     dark_w: float = 0.0
 
-    def power_w(self, stokes: FloatArray, exit_deg: float, analyzer_deg: float | None) -> float:
-        """Mean power of a reading of light S0, S1, S2 in 1/sr through a polarizer; None: through the open slot."""
+    def power_w(self, stokes: FloatArray, exit_deg: float, analyzer: AnalyzerState) -> float:
+        """Mean power of a reading of light S0 to S3 in 1/sr through an analyzer."""
         arriving_w = self.radiometry.beam_power_w * self.radiometry.acceptance_sr * math.cos(math.radians(exit_deg))
-        return self.dark_w + arriving_w * float(analyzer_row(analyzer_deg) @ stokes)
+        return self.dark_w + arriving_w * float(analyzer.row() @ stokes)
 
 
 def light_of(surface: Surface | Acceptance) -> Light:
@@ -53,7 +53,7 @@ def light_of(surface: Surface | Acceptance) -> Light:
 
     def light(incidence_deg: FloatArray, exit_deg: FloatArray) -> FloatArray:
         stokes = surface.stokes(np.radians(incidence_deg), *in_plane(np.radians(exit_deg)))
-        return np.asarray(stokes[..., :3], np.float64)
+        return np.asarray(stokes, np.float64)
 
     return light
 
@@ -63,17 +63,17 @@ def expected_readings(steps: Sequence[Step], light: Light, detection: Detection)
     stokes = light(*np.array([(step.target.incidence_deg, step.target.exit_deg) for step in steps]).T)
     readings, ended_s = [], 0.0
     for step, of_step in zip(steps, stokes, strict=True):
-        target, reading_s = step.target, step.exposure_s + READING_S
+        target = step.target
         ended_s += step.duration_s
         power_w = detection.dark_w
         if step.kind != "dark":
-            power_w = detection.power_w(of_step, target.exit_deg, step.analyzer_deg)
+            power_w = detection.power_w(of_step, target.exit_deg, step.analyzer)
         readings += [
             Reading(
                 point=step.point,
                 kind=step.kind,
                 repeat=repeat,
-                time_s=ended_s - (step.readings - repeat) * reading_s,
+                time_s=ended_s - (step.readings - repeat) * step.reading_s,
                 incidence_deg=target.incidence_deg,
                 exit_deg=target.exit_deg,
                 azimuth_deg=target.azimuth_deg,
@@ -81,6 +81,8 @@ def expected_readings(steps: Sequence[Step], light: Light, detection: Detection)
                 analyzer_deg=step.analyzer_deg,
                 exposure_s=step.exposure_s,
                 power_w=power_w,
+                retarder_deg=step.retarder_deg,
+                retardance_deg=step.retardance_deg,
             )
             for repeat in range(step.readings)
         ]
@@ -105,26 +107,28 @@ def expected_covariance(
     exit_deg: float,
     detection: Detection,
     *,
-    analyzer_deg: Sequence[float],
+    analyzer: Sequence[AnalyzerState],
     exposure_s: float,
     readings: int = 1,
     has_dark: bool = True,
     lamp: LampLevel = LampLevel(),  # noqa: B008 (frozen)
 ) -> FloatArray:
-    """Covariance (3, 3) of S0, S1, S2 in 1/sr² of one direction, with every slot read equally often.
+    """Covariance of S0, S1, S2 in 1/sr² of one direction, with every slot read equally often.
+
+    It is (3, 3), or (4, 4) with S3 where an analyzer state depends on it.
 
     Without references it goes with 1/readings.
 
     Parameters
     ----------
     stokes : ndarray
-        The S0, S1, S2 to be measured, shape (3,), in 1/sr.
+        The S0 to S3 to be measured, shape (4,), in 1/sr.
     exit_deg : float
         Signed exit angle, in degrees.
     detection : Detection
         The detector's side of the bench.
-    analyzer_deg : sequence of float
-        True angles of the polarizers from the s-direction, in degrees.
+    analyzer : sequence of AnalyzerState
+        What light is read through.
     exposure_s : float
         Of each reading, in s.
     readings : int
@@ -134,12 +138,15 @@ def expected_covariance(
     lamp : LampLevel
         What references tell of the lamp.
     """
-    angles_deg: list[float | None] = [*analyzer_deg, *([None] if has_dark else [])]
+    here = Target(0.0, exit_deg, 0.0, 1)
     steps = [
         Step(
-            0, "dark" if angle is None else "signal", Target(0.0, exit_deg, 0.0, slot), angle, readings, exposure_s, 0.0
+            *(0, "signal", here, state.polarizer_deg, readings, exposure_s, 0.0),
+            *(state.retarder_deg, state.retardance_deg),
         )
-        for slot, angle in enumerate(angles_deg, 1)
+        for state in analyzer
     ]
-    taken = expected_readings(steps, lambda *_: np.broadcast_to(stokes, (len(steps), 3)), detection)
+    if has_dark:
+        steps.append(Step(0, "dark", here, None, readings, exposure_s, 0.0))
+    taken = expected_readings(steps, lambda *_: np.broadcast_to(stokes, (len(steps), 4)), detection)
     return Reduction(detection.radiometry, detection.noise, has_dark=has_dark).point(taken, lamp).covariance

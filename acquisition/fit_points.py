@@ -21,6 +21,7 @@ from goniometer.errors import FitError
 from model.acceptance import half_angle_rad
 from model.fit import Dataset, FitResult, SurfaceFamily, lobe_family
 from model.fit.dataset import Objective
+from model.fit.observable import Elements
 from model.fit.start import Search
 from model.geometry import FloatArray, in_plane
 
@@ -37,11 +38,16 @@ class FitArguments(TypedDict):
 
 
 def dataset(points: Sequence[StokesPoint], name: str = "the data") -> Dataset:
-    """Stack the points of a scan into arrays, which messages call by a name."""
+    """Stack the Stokes parameters of a scan's points, all of them S0 to S2 or all S0 to S3, into arrays.
+
+    Messages call them by a name.
+    """
+    stokes = np.array([point.stokes for point in points])
     return Dataset(
         *directions([point.incidence_deg for point in points], [point.exit_deg for point in points]),
-        values=np.array([point.stokes for point in points]),
+        values=stokes,
         covariance=np.array([point.covariance for point in points]),
+        observable=Elements(tuple(range(stokes.shape[-1]))),
         name=name,
     )
 

@@ -17,8 +17,11 @@ from acquisition.readings import Reading
 from goniometer.errors import JournalError
 
 FILE_NAME = "journal.sqlite"
-_FORMAT = "1"
+_FORMAT = "2"
 _COLUMNS = tuple(field.name for field in fields(Reading))
+_MISSING = {"1": ("retarder_deg", "retardance_deg"), _FORMAT: ()}
+"""Columns that the journals of each format do not have; nothing stood in their place."""
+
 _TYPES = {"point": "INTEGER", "kind": "TEXT", "repeat": "INTEGER", "slot": "INTEGER"}
 _CREATE = (
     "CREATE TABLE about (key TEXT PRIMARY KEY, value TEXT NOT NULL) STRICT",
@@ -30,7 +33,6 @@ _CREATE = (
 )
 _NAMES = ", ".join(_COLUMNS)
 _APPEND = f"INSERT INTO readings ({_NAMES}) VALUES ({', '.join('?' * len(_COLUMNS))})"  # noqa: S608 (names are ours)
-_SELECT = f"SELECT {_NAMES} FROM readings ORDER BY id"  # noqa: S608
 
 
 class Journal:
@@ -39,8 +41,10 @@ class Journal:
     Use `create` for a new run and `open` for a stored one.
     """
 
-    def __init__(self, connection: sqlite3.Connection, path: Path) -> None:
+    def __init__(self, connection: sqlite3.Connection, path: Path, stored: str = _FORMAT) -> None:
         self._connection, self.path = connection, path
+        names = ("NULL" if name in _MISSING[stored] else name for name in _COLUMNS)
+        self._select = f"SELECT {', '.join(names)} FROM readings ORDER BY id"  # noqa: S608 (names are ours)
 
     @classmethod
     def create(cls, path: Path, about: Mapping[str, str]) -> Journal:
@@ -91,12 +95,14 @@ class Journal:
             raise JournalError(
                 f"{path} is empty: the run was cut off before its first step. There is nothing to look at."
             )
-        if stored != (_FORMAT,):
+        (number,) = stored or ("none",)
+        if number not in _MISSING:
             connection.close()
             raise JournalError(
-                f"{path} has journal format {stored}; this version of goniometer reads format {_FORMAT}."
+                f"{path} has journal format {number}; this version of goniometer reads {' and '.join(_MISSING)}. Read "
+                "it with the version that wrote it, or a newer one."
             )
-        return cls(connection, path)
+        return cls(connection, path, number)
 
     def append(self, reading: Reading) -> None:
         """Store one reading; when this returns it is on disk.
@@ -114,10 +120,23 @@ class Journal:
                 "All earlier readings are safe; the scan stops. Free disk space, then run the recipe again."
             ) from error
 
+    def remember(self, key: str, text: str) -> None:
+        """Add to what `about` holds, or replace it: what is known only later, such as how the scan ended.
+
+        Raises
+        ------
+        JournalError
+            When it cannot be stored.
+        """
+        try:
+            self._connection.execute("INSERT OR REPLACE INTO about VALUES (?, ?)", (key, text))
+        except sqlite3.Error as error:
+            raise JournalError(f"{self.path}: '{key}' could not be stored: {error}. All readings are safe.") from error
+
     def readings(self) -> tuple[Reading, ...]:
         """All stored readings, in the order they were taken."""
         try:
-            return tuple(Reading(*row) for row in self._connection.execute(_SELECT))
+            return tuple(Reading(*row) for row in self._connection.execute(self._select))
         except sqlite3.Error as error:
             raise JournalError(f"{self.path}: the readings cannot be read: {error}.") from error
 

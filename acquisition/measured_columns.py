@@ -22,7 +22,10 @@ KINDS = {"Stokes": STOKES, "Mueller": MUELLER, "DoLP": DOLP, "psi": ELLIPSOMETRI
 
 _NOT_FITTED = ("point", "azimuth_deg")
 """Of a run's own table: the number of a direction, and the turn of the sample, which isotropic surfaces do not show."""
-_FROM_STOKES = ("dolp", "dolp_debiased", "dolp_stderr", "aolp_deg", "aolp_stderr_deg")
+_FROM_STOKES = (
+    *("dolp", "dolp_debiased", "dolp_stderr", "aolp_deg", "aolp_stderr_deg"),
+    *("docp", "docp_stderr", "dop", "dop_stderr"),
+)
 """What follows from Stokes parameters, and says nothing more beside them."""
 _LOWEST_INCIDENCE_DEG = -1.0
 """An arm at 0 reads back a little less; a source on the other side is another matter."""
@@ -64,6 +67,8 @@ def picked_values(table: TextTable) -> tuple[str, tuple[str, ...]]:
         found.pop("DoLP", None)
     if len(found) != 1:
         what = f"there are columns of {' and of '.join(found)} values" if found else "there is no column of values"
+        if "dop" in table.columns:
+            what += " (dop, with circular polarization in it, stands beside Stokes parameters only; did you mean dolp?)"
         which = "s0_per_sr, s1_per_sr, s2_per_sr; or m00 to m33; or dolp; or psi_deg, delta_deg"
         table.add(table.header_line, f"{what}; write those of one kind: {which}")
         table.check()

@@ -10,6 +10,7 @@ import numpy as np
 from acquisition.fit_points import directions
 from goniometer.errors import FitError, JournalError
 from model.fit import Dataset
+from model.fit.observable import Elements
 from model.geometry import FloatArray
 
 if TYPE_CHECKING:
@@ -53,17 +54,20 @@ def read_measured_nexus(path: Path) -> tuple[Dataset, dict[str, str]]:
 
 
 def _data(file: h5py.File, path: Path) -> Dataset:
-    stokes = [_numbers(file, f"S{place}", "1/sr", 1, path) for place in range(3)]
+    count = 4 if f"{_POINTS}/S3" in file else 3
+    stokes = [_numbers(file, f"S{place}", "1/sr", 1, path) for place in range(count)]
     covariance = _numbers(file, "covariance", "1/sr^2", 3, path)
     incidence_deg, exit_deg = (_numbers(file, name, "deg", 1, path) for name in ("incidence_angle", "exit_angle"))
     rows = len(exit_deg)
-    expected = (rows, 3, 3)
+    expected = (rows, count, count)
     if {len(incidence_deg), *map(len, stokes)} != {rows} or covariance.shape != expected:
         raise FitError(
             f"{path}: the arrays of {_POINTS} differ in length, or its covariance, of shape {covariance.shape}, is not "
             f"{expected}. Nothing was fitted. Write the file again from the run: goniometer fit RUN"
         )
-    return Dataset(*directions(incidence_deg, exit_deg), np.stack(stokes, axis=1), covariance, name=path.name)
+    observable = Elements(tuple(range(count)))
+    there = directions(incidence_deg, exit_deg)
+    return Dataset(*there, np.stack(stokes, axis=1), covariance, observable, name=path.name)
 
 
 def _numbers(file: h5py.File, name: str, units: str, dimensions: int, path: Path) -> FloatArray:

@@ -32,6 +32,7 @@ _STOKES_NAMES = (
     "S0 per unit irradiance",
     "S1 per unit irradiance: s-polarized less p-polarized light",
     "S2 per unit irradiance: polarized at +45 degrees from the s-direction less -45 degrees",
+    "S3 per unit irradiance: circular, clockwise for a receiver who looks at the source, less counterclockwise",
 )
 
 
@@ -101,7 +102,10 @@ def _write_instrument(entry: h5py.Group, readings: Sequence[Reading]) -> None:
 
     analyzer = _group(instrument, "analyzer", "NXoptical_polarizer")
     analyzer["type"] = "linear"
-    analyzer["description"] = "polarizer_angle is measured from the s-direction; NaN where the slot holds no polarizer"
+    analyzer["description"] = (
+        "polarizer_angle is measured from the s-direction; NaN where the slot holds no polarizer. Where there is a "
+        "retarder, light passes it before the polarizer"
+    )
 
     detector = _group(instrument, "detector_power_meter", "NXdetector")
     detector["detector_channel_type"] = "single-channel"
@@ -119,6 +123,14 @@ def _write_instrument(entry: h5py.Group, readings: Sequence[Reading]) -> None:
     _field(raw, "sample_azimuth", column(lambda reading: reading.azimuth_deg), "deg")
     polarizer_deg = column(lambda reading: np.nan if reading.analyzer_deg is None else reading.analyzer_deg)
     analyzer["polarizer_angle"] = _field(raw, "polarizer_angle", polarizer_deg, "deg", "from the s-direction")
+    if any(reading.retarder_deg is not None for reading in readings):
+        retarder = _group(instrument, "retarder", "NXwaveplate")
+        fast_deg = column(lambda reading: np.nan if reading.retarder_deg is None else reading.retarder_deg)
+        retardance_deg = column(lambda reading: np.nan if reading.retardance_deg is None else reading.retardance_deg)
+        retarder["fast_axis_angle"] = _field(raw, "fast_axis_angle", fast_deg, "deg", "from the s-direction")
+        retarder["retardance"] = _field(
+            raw, "retardance", retardance_deg, "deg", "of the slow axis behind the fast one"
+        )
     _field(raw, "analyzer_slot", np.array([reading.slot for reading in readings], int), _DIMENSIONLESS)
     _field(raw, "point", np.array([reading.point for reading in readings], int), _DIMENSIONLESS)
     _field(raw, "repeat", np.array([reading.repeat for reading in readings], int), _DIMENSIONLESS)
@@ -128,14 +140,16 @@ def _write_instrument(entry: h5py.Group, readings: Sequence[Reading]) -> None:
 
 
 def _write_points(entry: h5py.Group, points: Sequence[StokesPoint]) -> None:
-    stokes = np.array([point.stokes for point in points]).reshape(-1, 3)
-    covariance = np.array([point.covariance for point in points]).reshape(-1, 3, 3)
+    count = len(points[0].stokes) if points else 3
+    names = [f"S{index}" for index in range(count)]
+    stokes = np.array([point.stokes for point in points]).reshape(-1, count)
+    covariance = np.array([point.covariance for point in points]).reshape(-1, count, count)
     stderr = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))
-    group = _plot(entry, "stokes", "S0", ["S1", "S2"], points)
-    for index in range(3):
+    group = _plot(entry, "stokes", "S0", names[1:], points)
+    for index in range(count):
         _field(group, f"S{index}", stokes[:, index], "1/sr", _STOKES_NAMES[index])
         _field(group, f"S{index}_errors", stderr[:, index], "1/sr")
-    _field(group, "covariance", covariance, "1/sr^2", "covariance matrix of (S0, S1, S2)")
+    _field(group, "covariance", covariance, "1/sr^2", f"covariance matrix of ({', '.join(names)})")
 
     group = _plot(entry, "dolp", "DoLP", ["DoLP_debiased"], points)
     dolp_stderr = [point.dolp_stderr for point in points]
@@ -147,6 +161,15 @@ def _write_points(entry: h5py.Group, points: Sequence[StokesPoint]) -> None:
     group = _plot(entry, "aolp", "AoLP", [], points)
     _field(group, "AoLP", [point.aolp_deg for point in points], "deg", "angle of polarization from the s-direction")
     _field(group, "AoLP_errors", [point.aolp_stderr_deg for point in points], "deg")
+    if count == 4:
+        _write_ratio(entry, "docp", "DoCP", points, "degree of circular polarization, S3/S0")
+        _write_ratio(entry, "dop", "DoP", points, "degree of polarization, linear and circular")
+
+
+def _write_ratio(entry: h5py.Group, name: str, signal: str, points: Sequence[StokesPoint], long_name: str) -> None:
+    group = _plot(entry, name, signal, [], points)
+    _field(group, signal, [getattr(point, name) for point in points], _DIMENSIONLESS, long_name)
+    _field(group, f"{signal}_errors", [getattr(point, f"{name}_stderr") for point in points], _DIMENSIONLESS)
 
 
 def _plot(
@@ -185,7 +208,8 @@ def _write_fit(entry: h5py.Group, fit: FitResult) -> None:
     stokes = entry["stokes"]
     for index in range(3):
         _field(stokes, f"S{index}_fit", fit.stokes[:, index], "1/sr", f"S{index} of the fitted model")
-    stokes.attrs["auxiliary_signals"] = ["S0_fit", "S1", "S1_fit", "S2", "S2_fit"]
+    measured = [name for name in stokes.attrs["auxiliary_signals"] if name not in ("S1", "S2")]
+    stokes.attrs["auxiliary_signals"] = ["S0_fit", "S1", "S1_fit", "S2", "S2_fit", *measured]
 
 
 def _write_provenance(entry: h5py.Group, provenance: Mapping[str, str]) -> None:

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from acquisition.events import Event, PointReduced, ReadingStored, Subscriber
+from acquisition.events import Event, PointReduced, ReadingStored, ScanDoubted, ScanEnded, Subscriber
 from acquisition.live_fit import LiveFit
 from acquisition.readings import Reading, StokesPoint
 from acquisition.reduce import Reduction
+from goniometer.errors import ReductionError
 
 
 class Pipeline:
@@ -27,6 +28,7 @@ class Pipeline:
 
     def __init__(self, reduction: Reduction, live_fit: LiveFit | None, subscribers: Sequence[Subscriber]) -> None:
         self._reduction, self._live_fit, self._subscribers = reduction, live_fit, subscribers
+        self._readings: list[Reading] = []
         self._of_point: list[Reading] = []
         self._references: list[Reading] = []
         self.points: tuple[StokesPoint, ...] = ()
@@ -35,26 +37,40 @@ class Pipeline:
         """Tell the subscribers, and keep what was read."""
         if self._live_fit is not None and (news := self._live_fit.news()) is not None:
             self._tell(news)
+        if isinstance(event, ScanEnded):
+            self._tell_doubts()
         self._tell(event)
         if isinstance(event, ReadingStored):
+            self._readings.append(event.reading)
             self._of_point.append(event.reading)
+
+    def _tell_doubts(self) -> None:
+        try:
+            doubts = self._reduction.warnings(self._readings, self.points)
+        except ReductionError:
+            return  # it has been raised when the point ended, and is why the scan ends
+        if doubts:
+            self._tell(ScanDoubted(doubts))
 
     def _tell(self, event: Event) -> None:
         for subscriber in self._subscribers:
             subscriber(event)
 
     def end_point(self) -> None:
-        """Reduce the readings since the last point: a direction is complete.
+        """Reduce the readings since the last point: a direction is complete, or the reference that closes the scan.
 
         Raises
         ------
         ReductionError
-            When they do not determine its Stokes parameters.
+            When they do not determine its Stokes parameters, or references show that nobody knows how bright the lamp
+            was.
         """
         complete, self._of_point = self._of_point, []
-        if any(taken.kind == "reference" for taken in complete):
-            self._references += [taken for taken in complete if taken.kind != "signal"]
+        self._references += [taken for taken in complete if taken.kind != "signal"]
         lamp = self._reduction.lamp_level(self._references)
+        self._reduction.require_lamp(lamp, self._readings)
+        if all(taken.kind == "reference" for taken in complete):
+            return
         point = self._reduction.point(complete, lamp)
         self.points = (*self.points, point)
         self._tell(PointReduced(point))

@@ -8,6 +8,8 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from acquisition.analyzer_matrix import AnalyzerState
+
 ReadingKind = Literal["signal", "dark", "reference"]
 
 
@@ -16,7 +18,8 @@ class Reading:
     """One reading of the detector, with the positions that were read back for it.
 
     `point` counts the recipe's directions; `time_s` is the bench clock's; `slot` is the analyzer slot read back;
-    `analyzer_deg` the angle of the polarizer in it, None for a slot without one (open or blocked).
+    `analyzer_deg` the angle of the polarizer in it, None for a slot without one (open or blocked); `retarder_deg` and
+    `retardance_deg` are the fast axis and the retardance of a retarder before the polarizer, None without one.
     """
 
     point: int
@@ -30,14 +33,23 @@ class Reading:
     analyzer_deg: float | None
     exposure_s: float
     power_w: float
+    retarder_deg: float | None = None
+    retardance_deg: float | None = None
+
+    @property
+    def analyzer(self) -> AnalyzerState:
+        """What the light has passed."""
+        return AnalyzerState(self.analyzer_deg, self.retarder_deg, self.retardance_deg)
 
 
 @dataclass(frozen=True)
 class StokesPoint:
-    """The Stokes parameters of one direction: S0, S1, S2 in 1/sr per unit irradiance, with covariance.
+    """The Stokes parameters of one direction: S0, S1, S2 in 1/sr per unit irradiance, and S3 where it was measured.
 
-    `stokes` has shape (3,), `covariance` (3, 3). `dolp` is the plain ratio, `dolp_debiased` has the bias that noise
-    adds removed; both are NaN where noise has made S0 negative. `aolp_deg` is in (-90, 90], from the s-direction.
+    `stokes` has shape (3,) or (4,), `covariance` (3, 3) or (4, 4). `dolp` is the plain ratio, `dolp_debiased` has the
+    bias that noise adds removed; both are NaN where noise has made S0 negative. `aolp_deg` is in (-90, 90], from the
+    s-direction. `docp`, which is S3/S0 with its sign, and the degree of polarization `dop`, linear and circular
+    together, are None where S3 was not measured.
     """
 
     point: int
@@ -51,3 +63,12 @@ class StokesPoint:
     dolp_stderr: float
     aolp_deg: float
     aolp_stderr_deg: float
+    docp: float | None = None
+    docp_stderr: float | None = None
+    dop: float | None = None
+    dop_stderr: float | None = None
+
+    @property
+    def has_s3(self) -> bool:
+        """Whether S3 was measured."""
+        return len(self.stokes) == 4

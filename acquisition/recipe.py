@@ -2,32 +2,29 @@
 
 from __future__ import annotations
 
-import math
+from collections import Counter
 from collections.abc import Iterator
 from typing import Annotated, Any, Self, get_args
 
-from pydantic import AfterValidator, Field, field_validator, model_validator
+from pydantic import AfterValidator, Field, ValidationInfo, field_validator, model_validator
 
 from acquisition.analyzer_matrix import check_analyzer_set
+from acquisition.exit_angles import MAX_DIRECTIONS, ExitAngle, ExitRange
+from acquisition.exit_angles import WIDEST_EXIT_DEG as WIDEST_EXIT_DEG
 from acquisition.fit_choice import FitChoice as FitChoice
 from acquisition.fit_choice import ParameterName
+from acquisition.lamp_level import LARGEST_CHANGE
 from acquisition.section import Section, SectionFault, refuse_all
 
-WIDEST_EXIT_DEG = 85
 MAX_READINGS = 10_000
-ExitAngle = Annotated[float, Field(ge=-WIDEST_EXIT_DEG, le=WIDEST_EXIT_DEG)]
 AnalyzerAngle = Annotated[float, Field(ge=-360, le=360)]
 Readings = Annotated[int, Field(ge=1, le=MAX_READINGS)]
 
 StandardError = Annotated[float, Field(gt=0)]
 
-MAX_DIRECTIONS = 1_000_000
-"""More exit angles than any scan has: a step that was mistyped is found before memory is full."""
-
 FEWEST_CHOICES, MOST_CHOICES = 4, 200
 """Exit angles among which an adaptive scan chooses: fewer are no choice, more take longer to weigh than is worth it."""
 
-_GRID_TOLERANCE_DEG = 1e-9
 _BY_PARAMETER: dict[str, Any] = {
     "properties": {
         name: {"description": f"wanted standard error of {name}", "type": "number", "exclusiveMinimum": 0}
@@ -37,42 +34,17 @@ _BY_PARAMETER: dict[str, Any] = {
 }
 
 
-class ExitRange(Section):
-    """Exit angles on an even grid; negative angles lie on the source's side of the surface normal."""
-
-    start_deg: ExitAngle = Field(description="first exit angle, in degrees")
-    stop_deg: ExitAngle = Field(description="last exit angle, in degrees; measured when it lies on the grid")
-    step_deg: float = Field(gt=0, description="distance of neighbouring exit angles, in degrees")
-
-    @model_validator(mode="after")
-    def _check(self) -> Self:
-        refuse_all(self._faults())
-        return self
-
-    def _faults(self) -> Iterator[SectionFault]:
-        steps = (self.stop_deg - self.start_deg) / self.step_deg
-        if steps < 0:
-            yield ("stop_deg",), f"got {self.stop_deg:g}; allowed: start_deg, which is {self.start_deg:g}, or above"
-        elif steps >= MAX_DIRECTIONS:
-            yield (
-                ("step_deg",),
-                f"got {self.step_deg:g}, which makes {steps:.3g} exit angles; allowed: at most {MAX_DIRECTIONS} angles",
-            )
-
-    def angles_deg(self) -> tuple[float, ...]:
-        """All angles, each computed from the first so that no error builds up."""
-        steps = (self.stop_deg - self.start_deg) / self.step_deg
-        last = round(steps)
-        if abs(self.start_deg + last * self.step_deg - self.stop_deg) <= _GRID_TOLERANCE_DEG:
-            return (*(self.start_deg + i * self.step_deg for i in range(last)), self.stop_deg)
-        return tuple(self.start_deg + i * self.step_deg for i in range(math.floor(steps) + 1))
-
-
 class Reference(Section):
     """Readings through the open slot in one fixed direction, which follow the lamp."""
 
     exit_deg: ExitAngle = Field(description="exit angle of the reference reading, in degrees")
     every_points: int = Field(ge=1, le=MAX_DIRECTIONS, description="number of directions between two references")
+    largest_change: float = Field(
+        default=LARGEST_CHANGE,
+        gt=0,
+        lt=1,
+        description="relative change of the lamp from one reference to the next at which the scan ends",
+    )
 
 
 def _check_printable(name: str) -> str:
@@ -106,8 +78,13 @@ class Recipe(Section):
     azimuth_deg: float = Field(
         default=0.0, ge=-360, le=360, description="angle of the sample about its normal, in degrees"
     )
+    retarder_deg: Annotated[tuple[AnalyzerAngle, ...], Field(strict=False)] | None = Field(
+        default=None,
+        description="one angle of the retarder's fast axis for each of analyzer_deg, in degrees, as the rig's slots "
+        "name them; leave out where there is no retarder",
+    )
     analyzer_deg: Annotated[tuple[AnalyzerAngle, ...], Field(strict=False, min_length=3)] = Field(
-        description="at least 3 polarizer angles, in degrees, as the rig's slots name them"
+        description="at least 3 polarizer angles, in degrees, as the rig's slots name them; 4 for S3, with retarder_deg"
     )
     dark: bool = Field(default=True, description="whether to read the blocked slot in every direction")
     reference: Reference | None = Field(default=None, description="readings that follow the lamp; leave out for none")
@@ -135,7 +112,9 @@ class Recipe(Section):
 
     @field_validator("analyzer_deg")
     @classmethod
-    def _check_analyzer(cls, angles_deg: tuple[float, ...]) -> tuple[float, ...]:
+    def _check_analyzer(cls, angles_deg: tuple[float, ...], info: ValidationInfo) -> tuple[float, ...]:
+        if info.data.get("retarder_deg", ()) is not None:
+            return angles_deg  # what a retarder tells depends on its retardance, which the rig knows
         for angle in dict.fromkeys(angles_deg):
             if angles_deg.count(angle) > 1:
                 raise ValueError(
@@ -161,6 +140,28 @@ class Recipe(Section):
             )
             refuse_all([(("readings",), what)])
         return self
+
+    @model_validator(mode="after")
+    def _check_retarder(self) -> Self:
+        refuse_all(self._retarder_faults())
+        return self
+
+    def _retarder_faults(self) -> Iterator[SectionFault]:
+        if self.retarder_deg is None:
+            return
+        if len(self.retarder_deg) != len(self.analyzer_deg):
+            yield (
+                ("retarder_deg",),
+                f"got {len(self.retarder_deg)} angles; allowed: {len(self.analyzer_deg)}, one for each of analyzer_deg",
+            )
+            return
+        for pair, times in Counter(self.settings()).items():
+            if times > 1:
+                yield (
+                    ("retarder_deg",),
+                    f"the angle {pair[1]:g} goes with the polarizer angle {pair[0]:g} {times} times; allowed: each "
+                    "pair once (readings says how often each is read)",
+                )
 
     @model_validator(mode="after")
     def _check_steering(self) -> Self:
@@ -221,6 +222,10 @@ class Recipe(Section):
                 ("adaptive",),
                 f"plans by what Stokes parameters tell, but the objective is {self.fit.objective}; allowed: stokes",
             )
+
+    def settings(self) -> tuple[tuple[float, float | None], ...]:
+        """Return the analyzer's settings: angles of polarizer and retarder, None without one, as the rig names them."""
+        return tuple(zip(self.analyzer_deg, self.retarder_deg or (None,) * len(self.analyzer_deg), strict=True))
 
     def exit_angles_deg(self) -> tuple[float, ...]:
         """Return all exit angles in degrees, in the order in which they are measured."""

@@ -51,6 +51,8 @@ class Steering:
         assert recipe.time_limit_s is not None, "a recipe that steers is only accepted with a time limit"
         self._recipe, self._visits, self._family, self._choose = recipe, visits, family, choose
         self._clock, self._publish, self._limit_s = clock, publish, recipe.time_limit_s
+        self._closing_s = visits.closing_s()
+        self._has_ended = False
         self._wanted = recipe.wanted
         self._start_s: float | None = None
         self._here = HOME
@@ -59,24 +61,28 @@ class Steering:
         self.reason = ""
 
     def next(self, points: Sequence[StokesPoint]) -> Sequence[Step]:
-        """The steps of the next direction, when these points have been measured; none at the end."""
+        """The steps of the next direction, when these points have been measured; at last those that close the scan."""
+        if self._has_ended:
+            return ()
         self._last = self._fit(points) if points else None
         judgement = judge(self._last, self._wanted) if self._last and self._wanted else None
         if judgement is not None and judgement.is_reached:
-            self.reason = f"wanted standard errors reached: {judgement.standing}"
-            return ()
+            return self._end(f"wanted standard errors reached: {judgement.standing}", points)
         elapsed_s = self._elapsed_s()
         unmet = () if judgement is None else judgement.unmet
-        left_s = self._limit_s - elapsed_s
+        left_s = self._limit_s - elapsed_s - self._closing_s
         visit = self._choose(Situation(points, self._last, unmet, self._here, elapsed_s, left_s))
         steps = self._visits.steps(len(points), visit.exit_deg, visit.readings, self._here) if visit else ()
         if visit is None or sum(step.duration_s for step in steps) > left_s:
-            self.reason = self._time_is_up(judgement)
-            return ()
+            return self._end(self._time_is_up(judgement), points)
         self._here = steps[-1].target
         standing = "" if judgement is None else judgement.standing
         self._publish(DirectionChosen(len(points), visit.exit_deg, visit.readings, visit.why, standing))
         return steps
+
+    def _end(self, reason: str, points: Sequence[StokesPoint]) -> Sequence[Step]:
+        self.reason, self._has_ended = reason, True
+        return self._visits.closing(len(points) - 1, self._here) if points else ()
 
     def _elapsed_s(self) -> float:
         if self._start_s is None:

@@ -19,14 +19,36 @@ _CONVENTIONS = """\
 # s1 > 0 is s-polarized light: perpendicular to the plane of incidence. s2 > 0 is polarized at +45 degrees from s.
 # aolp_deg is in (-90, 90], from the s-direction.
 # dolp is sqrt(s1^2 + s2^2)/s0; dolp_debiased is without the bias of noise.
-# Columns with stderr are standard errors (1 sigma); cov columns are the covariance matrix of (s0, s1, s2).
+# Columns with stderr are standard errors (1 sigma); cov columns are the covariance matrix of the Stokes parameters.
+"""
+_CONVENTIONS_OF_S3 = """\
+# s3 > 0 turns clockwise for a receiver who looks at the source. docp is s3/s0, with its sign.
+# dop is sqrt(s1^2 + s2^2 + s3^2)/s0, which noise makes larger.
 """
 _ANGLES = ("incidence_deg", "exit_deg", "azimuth_deg")
-_STOKES = ("s0_per_sr", "s1_per_sr", "s2_per_sr")
-_STANDARD_ERRORS = ("s0_stderr_per_sr", "s1_stderr_per_sr", "s2_stderr_per_sr")
-_COVARIANCES = tuple(f"cov_s{i}_s{j}_per_sr2" for i in range(3) for j in range(3))
-_POLARIZATION = ("dolp", "dolp_debiased", "dolp_stderr", "aolp_deg", "aolp_stderr_deg")
-COLUMNS = ("point", *_ANGLES, *_STOKES, *_STANDARD_ERRORS, *_COVARIANCES, *_POLARIZATION)
+_LINEAR = ("dolp", "dolp_debiased", "dolp_stderr", "aolp_deg", "aolp_stderr_deg")
+_WITH_S3 = ("docp", "docp_stderr", "dop", "dop_stderr")
+
+
+def columns(count: int) -> tuple[str, ...]:
+    """Names of the columns for so many Stokes parameters, 3 or 4."""
+    return ("point", *_ANGLES, *_stokes(count), *_standard_errors(count), *_covariances(count), *_ratios(count))
+
+
+def _stokes(count: int) -> list[str]:
+    return [f"s{place}_per_sr" for place in range(count)]
+
+
+def _standard_errors(count: int) -> list[str]:
+    return [f"s{place}_stderr_per_sr" for place in range(count)]
+
+
+def _covariances(count: int) -> list[str]:
+    return [f"cov_s{one}_s{other}_per_sr2" for one in range(count) for other in range(count)]
+
+
+def _ratios(count: int) -> tuple[str, ...]:
+    return _LINEAR + _WITH_S3 if count == 4 else _LINEAR
 
 
 def write_stokes_csv(path: Path, points: Sequence[StokesPoint]) -> None:
@@ -37,7 +59,7 @@ def write_stokes_csv(path: Path, points: Sequence[StokesPoint]) -> None:
     path : Path
         The file; replaced as a whole if it exists.
     points : sequence of StokesPoint
-        One row each, in this order.
+        One row each, in this order; all with S3, or all without.
 
     Raises
     ------
@@ -45,9 +67,12 @@ def write_stokes_csv(path: Path, points: Sequence[StokesPoint]) -> None:
         The file cannot be written.
     """
     with written_whole(path) as part, part.open("w", encoding="utf-8", newline="") as file:
+        count = len(points[0].stokes) if points else 3
         file.write(_CONVENTIONS)
+        if count == 4:
+            file.write(_CONVENTIONS_OF_S3)
         writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(COLUMNS)
+        writer.writerow(columns(count))
         writer.writerows(_row(point) for point in points)
 
 
@@ -76,9 +101,10 @@ def read_stokes_csv(path: Path) -> tuple[StokesPoint, ...]:
     numbered = [(number, line) for number, line in enumerate(lines, start=1) if not line.startswith("#")]
     rows = csv.reader(line for _, line in numbered)
     header = next(rows, [])
-    if missing := [column for column in COLUMNS if column not in header]:
+    count = 4 if _stokes(4)[3] in header else 3
+    if missing := [column for column in columns(count) if column not in header]:
         raise JournalError(f"{path} is not a table of Stokes points: it has no column {', '.join(missing)}.")
-    return tuple(_point(path, number, header, row) for (number, _), row in zip(numbered[1:], rows, strict=True))
+    return tuple(_point(path, number, header, row, count) for (number, _), row in zip(numbered[1:], rows, strict=True))
 
 
 def _row(point: StokesPoint) -> list[str]:
@@ -88,23 +114,23 @@ def _row(point: StokesPoint) -> list[str]:
         *point.stokes,
         *np.sqrt(np.diag(point.covariance)),
         *point.covariance.flat,
-        *(point.dolp, point.dolp_debiased, point.dolp_stderr, point.aolp_deg, point.aolp_stderr_deg),
+        *(getattr(point, name) for name in _ratios(len(point.stokes))),
     ]
     return [str(point.point), *(repr(float(number)) for number in numbers)]
 
 
-def _point(path: Path, line: int, header: list[str], row: list[str]) -> StokesPoint:
+def _point(path: Path, line: int, header: list[str], row: list[str], count: int) -> StokesPoint:
     try:
         if len(row) != len(header):
             raise ValueError(f"it has {len(row)} values for {len(header)} columns")
         cell = dict(zip(header, row, strict=True))
-        number = {column: float(cell[column]) for column in COLUMNS[1:]}
+        number = {column: float(cell[column]) for column in columns(count)[1:]}
         index = int(cell["point"])
     except ValueError as error:
         raise JournalError(f"{path}, line {line}, is damaged: {error}. Write it again from the journal.") from error
     return StokesPoint(
         point=index,
-        **{name: number[name] for name in (*_ANGLES, *_POLARIZATION)},
-        stokes=np.array([number[column] for column in _STOKES]),
-        covariance=np.array([number[column] for column in _COVARIANCES]).reshape(3, 3),
+        **{name: number[name] for name in (*_ANGLES, *_ratios(count))},
+        stokes=np.array([number[column] for column in _stokes(count)]),
+        covariance=np.array([number[column] for column in _covariances(count)]).reshape(count, count),
     )

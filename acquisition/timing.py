@@ -122,6 +122,27 @@ class RotatorTiming:
 
 
 @dataclass(frozen=True)
+class JointTiming:
+    """Several elements that turn at the same time."""
+
+    elements: tuple[RotatorTiming, ...]
+
+    @property
+    def settle_s(self) -> float:
+        """Time until all have come to rest."""
+        return max(element.settle_s for element in self.elements)
+
+    @property
+    def exchange_s(self) -> float:
+        """Time to ask each where it is."""
+        return sum(element.exchange_s for element in self.elements)
+
+    def move_s(self, start: int, end: int) -> float:
+        """Duration of the longest move."""
+        return max(element.move_s(start, end) for element in self.elements)
+
+
+@dataclass(frozen=True)
 class DetectorTiming:
     """A detector that needs `overhead_s` for each reading, besides its exposure."""
 

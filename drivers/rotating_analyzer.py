@@ -1,4 +1,4 @@
-"""An analyzer made of a polarizer that turns, and optionally of a quarter-wave plate before it that turns too."""
+"""An analyzer made of a polarizer, and optionally of a retarder before it, of which at least one turns."""
 
 from __future__ import annotations
 
@@ -16,6 +16,14 @@ class TurningAxis(Protocol):
     name: str
     settle_s: float
     tolerance_deg: float
+
+    def connect(self) -> tuple[str, ...]:
+        """Check the stage and set it up; moves nothing. Returns what it held from earlier use."""
+        ...
+
+    def reconnect(self) -> None:
+        """Open its port afresh, once, after the link was lost."""
+        ...
 
     def start_move(self, target_deg: float) -> None:
         """Begin to move."""
@@ -36,21 +44,19 @@ class TurningAxis(Protocol):
 
 @dataclass(frozen=True)
 class SlotAngles:
-    """Where the axes stand for one slot, in degrees; `plate_deg` is None without a plate."""
+    """Where the axes stand for one slot, in degrees; None for an element that is fixed, or not there."""
 
-    polarizer_deg: float
-    plate_deg: float | None = None
+    polarizer_deg: float | None = None
+    retarder_deg: float | None = None
 
 
 class RotatingAnalyzer:
-    """Numbered slots, each an angle of the polarizer and one of the plate.
+    """Numbered slots, each an angle of every element that turns.
 
     Parameters
     ----------
-    polarizer : TurningAxis
-        Turns the polarizer.
-    plate : TurningAxis or None
-        Turns the quarter-wave plate, when there is one.
+    polarizer, retarder : TurningAxis or None
+        Turn the polarizer and the retarder; None for one that is fixed, or not there.
     name : str
         The device's name in the rig file.
     slots : mapping of int to SlotAngles
@@ -59,19 +65,36 @@ class RotatingAnalyzer:
     Raises
     ------
     ConfigurationError
-        When a slot lacks an angle or has one too many, or when two slots cannot be told apart.
+        When nothing turns, a slot lacks an angle or has one too many, or two slots cannot be told apart.
     """
 
     def __init__(
-        self, polarizer: TurningAxis, plate: TurningAxis | None = None, *, name: str, slots: Mapping[int, SlotAngles]
+        self,
+        polarizer: TurningAxis | None = None,
+        retarder: TurningAxis | None = None,
+        *,
+        name: str,
+        slots: Mapping[int, SlotAngles],
     ) -> None:
         self.name = name
-        self._axes = (polarizer,) if plate is None else (polarizer, plate)
+        turning = {"polarizer_deg": polarizer, "retarder_deg": retarder}
+        self._axes = tuple(axis for axis in turning.values() if axis is not None)
+        if not self._axes:
+            raise ConfigurationError([f"{name}: neither polarizer nor retarder turns. Name an axis in the rig file."])
         self.settle_s = max(axis.settle_s for axis in self._axes)
         self._slots = {slot: _angles_deg(angles) for slot, angles in slots.items()}
-        faults = self._faults()
+        faults = self._angle_faults({key for key, axis in turning.items() if axis}, slots) or self._slot_faults()
         if faults:
             raise ConfigurationError(faults)
+
+    def connect(self) -> tuple[str, ...]:
+        """Check every axis again; moves nothing. Returns what they held from earlier use."""
+        return tuple(f"{axis.name}: {note}" for axis in self._axes for note in axis.connect())
+
+    def reconnect(self) -> None:
+        """Open the axes' ports afresh, once, after a link was lost; raises NotConnectedError."""
+        for axis in self._axes:
+            axis.reconnect()
 
     def start_select(self, slot: int) -> None:
         """Begin to turn the axes to a slot's angles.
@@ -133,15 +156,19 @@ class RotatingAnalyzer:
         if failures:
             raise failures[0]
 
-    def _faults(self) -> list[str]:
-        faults = [
-            f"{self.name}: slot {slot} has {len(angles_deg)} angles; allowed: {len(self._axes)}, one for each of "
-            f"{' and '.join(axis.name for axis in self._axes)}. Correct the slot in the rig file."
-            for slot, angles_deg in self._slots.items()
-            if len(angles_deg) != len(self._axes)
+    def _angle_faults(self, needed: set[str], slots: Mapping[int, SlotAngles]) -> list[str]:
+        given = {
+            slot: {key for key, angle in vars(angles).items() if angle is not None} for slot, angles in slots.items()
+        }
+        return [
+            f"{self.name}: slot {slot} has {' and '.join(sorted(keys)) or 'no angle'}; allowed: "
+            f"{' and '.join(sorted(needed))}, for {' and '.join(axis.name for axis in self._axes)}. Correct the slot "
+            "in the rig file."
+            for slot, keys in given.items()
+            if keys != needed
         ]
-        if faults:
-            return faults
+
+    def _slot_faults(self) -> list[str]:
         slots = sorted(self._slots)
         return [
             f"{self.name}: the slots {one} and {other} have angles that cannot be told apart within the axes' "
@@ -159,4 +186,4 @@ class RotatingAnalyzer:
 
 
 def _angles_deg(angles: SlotAngles) -> tuple[float, ...]:
-    return (angles.polarizer_deg,) if angles.plate_deg is None else (angles.polarizer_deg, angles.plate_deg)
+    return tuple(angle for angle in (angles.polarizer_deg, angles.retarder_deg) if angle is not None)

@@ -5,6 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from itertools import groupby
 
+import numpy as np
+
+from acquisition.analyzer_matrix import analyzer_matrix
 from acquisition.expand import Step
 from acquisition.recipe import Recipe
 from goniometer.durations import clock_text
@@ -18,6 +21,7 @@ def describe_plan(setup: Setup) -> str:
     lines = [
         *_heading(setup.recipe, steps),
         f"rig: {setup.rig.rig} ({setup.rig_path})",
+        f"analyzer: {_told(steps)}",
         "",
         " point  incidence     exit  azimuth  analyzer slots       ends at",
     ]
@@ -27,6 +31,12 @@ def describe_plan(setup: Setup) -> str:
         elapsed_s += sum(step.duration_s for step in of_point)
         lines.append(_line(point, of_point, elapsed_s) + ("  reference" if kind_is_reference else ""))
     return "\n".join([*lines, *_outlook(setup.recipe, elapsed_s), "", "Nothing was moved."])
+
+
+def _told(steps: Sequence[Step]) -> str:
+    """What the analyzer's settings tell, and by how much they may enlarge errors."""
+    matrix = analyzer_matrix([step.analyzer for step in steps if step.kind == "signal"])
+    return f"S0 to S{matrix.shape[1] - 1}, condition number {np.linalg.cond(matrix):.3g}"
 
 
 def _heading(recipe: Recipe, steps: Sequence[Step]) -> list[str]:

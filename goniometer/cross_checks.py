@@ -6,8 +6,10 @@ import math
 from collections.abc import Iterator
 from pathlib import Path
 
+from acquisition.analyzer_matrix import AnalyzerState, check_states
 from acquisition.recipe import Recipe
 from goniometer.collision_zones import first_blocked
+from goniometer.errors import ReductionError
 from goniometer.planning import beginning, plan
 from goniometer.rig_devices.entry import Role
 from goniometer.rig_file import Rig
@@ -53,19 +55,39 @@ def recipe_on_rig(recipe: Recipe, file: YamlFile, rig: Rig, rig_path: Path) -> I
 
 def _slot_faults(recipe: Recipe, file: YamlFile, rig: Rig, rig_path: Path) -> Iterator[Fault]:
     contents = set(rig.analyzer.contents().values())
-    angles = ", ".join(f"{content:g}" for content in rig.analyzer.contents().values() if not isinstance(content, str))
-    for number, angle in enumerate(recipe.analyzer_deg):
-        if angle not in contents:
-            yield file.fault(
-                ("analyzer_deg", number),
-                f"got {angle:g}; allowed: the polarizer angles of {rig_path}, which are {angles or 'none'}",
-            )
+    yield from _setting_faults(recipe, file, rig, rig_path)
     if recipe.dark and "blocked" not in contents:
         yield file.fault(
             ("dark",), f"needs a blocked slot, which {rig_path} does not have. Write 'dark: false', or block a slot"
         )
     if recipe.reference is not None and "open" not in contents:
         yield file.fault(("reference",), f"needs an open slot, which {rig_path} does not have. Leave reference out")
+
+
+def _setting_faults(recipe: Recipe, file: YamlFile, rig: Rig, rig_path: Path) -> Iterator[Fault]:
+    """Settings of the analyzer that the rig does not have, or that do not tell what they depend on."""
+    held = [AnalyzerState(content) for content in rig.analyzer.contents().values() if not isinstance(content, str)]
+    held += rig.analyzer.retarded().values()
+    has_retarder = bool(rig.analyzer.retarded())
+    if has_retarder != (recipe.retarder_deg is not None):
+        what = "is missing: light always passes the retarder" if has_retarder else "is given, but there is no retarder"
+        remedy = "Add one angle for each of analyzer_deg" if has_retarder else "Leave it out, or name another rig"
+        yield file.fault(("retarder_deg",), f"{what} of {rig_path}. {remedy}")
+        return
+    states = {(state.polarizer_deg, state.retarder_deg): state for state in held}
+    known = ", ".join(map(str, held)) or "none"
+    named = "pairs of retarder and polarizer angle" if has_retarder else "polarizer angles"
+    for number, setting in enumerate(recipe.settings()):
+        if setting not in states:
+            place = ("analyzer_deg", number) if setting[1] is None else ("retarder_deg", number)
+            found = AnalyzerState(*setting)
+            yield file.fault(place, f"got {found}; allowed: the {named} of {rig_path}, which are {known}")
+    if not states.keys() >= set(recipe.settings()):
+        return
+    try:
+        check_states([states[setting] for setting in recipe.settings()])
+    except ReductionError as error:
+        yield file.fault(("retarder_deg",) if has_retarder else ("analyzer_deg",), str(error))
 
 
 def _angle_faults(recipe: Recipe, file: YamlFile, rig: Rig, rig_path: Path) -> Iterator[Fault]:
@@ -93,7 +115,8 @@ def _angles(recipe: Recipe) -> Iterator[tuple[Role, KeyPath, float]]:
 def path_on_rig(recipe: Recipe, file: YamlFile, rig: Rig, rig_path: Path) -> Iterator[Fault]:
     """Whether a scan can be run without a collision; for a recipe and a rig that fit together."""
     # an adaptive scan may go from any of its angles to any other, and so from end to end
-    blocked = first_blocked(plan(recipe, rig), rig.zones)
+    travels = {role: axis.travel for role, axis in rig.axes().items()}
+    blocked = first_blocked(plan(recipe, rig), rig.zones, travels)
     if blocked is not None:
         here, there = (f"{place.incidence_deg:g}/{place.exit_deg:g}/{place.azimuth_deg:g}" for place in blocked)
         yield file.fault(

@@ -67,6 +67,7 @@ def slots(rig: Rig) -> Slots:
         offset_deg=rig.analyzer.offset_deg,
         blocked=next((slot for slot, content in held.items() if content == "blocked"), None),
         open=next((slot for slot, content in held.items() if content == "open"), None),
+        retarded=rig.analyzer.retarded(),
     )
 
 
@@ -89,7 +90,10 @@ def timing(rig: Rig) -> BenchTiming:
 def reduction(recipe: Recipe, rig: Rig) -> Reduction:
     """The reduction that the rig's calibration and its detector's noise ask for."""
     expected = detection(recipe, rig)
-    return Reduction(expected.radiometry, expected.noise, has_dark=recipe.dark)
+    if recipe.reference is None:
+        return Reduction(expected.radiometry, expected.noise, has_dark=recipe.dark)
+    largest_change = recipe.reference.largest_change
+    return Reduction(expected.radiometry, expected.noise, has_dark=recipe.dark, largest_change=largest_change)
 
 
 def detection(recipe: Recipe, rig: Rig, dark_w: float = 0.0) -> Detection:

@@ -61,7 +61,8 @@ def draw_report(
 ) -> None:
     """Draw S0, DoLP and AoLP against the exit angle with the fit, its residuals and its parameters, as a PNG file.
 
-    The DoLP is the one with the bias of noise removed. S0 that a logarithmic axis cannot show is marked at its edge.
+    Where S3 was measured, the degree of circular polarization stands beside them. The DoLP is the one with the bias of
+    noise removed. S0 that a logarithmic axis cannot show is marked at its edge.
 
     Parameters
     ----------
@@ -128,9 +129,10 @@ def _draw_panels(
     figure: Figure, points: Sequence[StokesPoint], fit: FitResult | None, curve: FittedCurve | None, foot_in: float
 ) -> None:
     height_in = figure.get_figheight()
+    shown = quantities(points, fit, curve)
     grid = figure.add_gridspec(
         2,
-        3,
+        len(shown),
         height_ratios=(3.2, 1.0),
         left=_LEFT,
         right=_RIGHT,
@@ -139,7 +141,7 @@ def _draw_panels(
         wspace=0.15,
         hspace=0.16,
     )
-    for column, quantity in enumerate(quantities(points, fit, curve)):
+    for column, quantity in enumerate(shown):
         lowest = axes = figure.add_subplot(grid[:, column] if fit is None else grid[0, column])
         draw_quantity(axes, quantity)
         if fit is not None:

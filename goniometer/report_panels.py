@@ -65,7 +65,10 @@ class Quantity:
 def quantities(
     points: Sequence[StokesPoint], fit: FitResult | None = None, curve: FittedCurve | None = None
 ) -> list[Quantity]:
-    """S0, DoLP and AoLP of a scan, the last two from the fitted Stokes parameters where there is a fit."""
+    """S0, DoLP and AoLP of a scan, the last two from the fitted Stokes parameters where there is a fit.
+
+    Where S3 was measured, the degree of circular polarization follows; in plane the fitted surfaces make none.
+    """
     order = np.argsort([point.exit_deg for point in points], kind="stable")
 
     def column(values: Iterable[float]) -> FloatArray:
@@ -80,7 +83,7 @@ def quantities(
     aolp_stderr_deg = column(point.aolp_stderr_deg for point in points)
     fits = [None] * 3 if fit is None else _of_stokes(fit.stokes[order])
     curves = [None] * 3 if curve is None else [(curve.exit_deg, line) for line in _of_stokes(curve.stokes)]
-    return [
+    shown = [
         Quantity("$S_0$ (1/sr)", exit_deg, s0, s0_stderr, fits[0], curves[0], floor=_noise_floor(s0, s0_stderr)),
         Quantity("degree of linear polarization", exit_deg, dolp, dolp_stderr, fits[1], curves[1], ceiling=1.0),
         Quantity(
@@ -89,6 +92,12 @@ def quantities(
             period=180.0,
         ),
     ]
+    if all(point.has_s3 for point in points):
+        docp, docp_stderr = (column(getattr(point, name) for point in points) for name in ("docp", "docp_stderr"))
+        fitted = None if fit is None else np.zeros(len(order))
+        line = None if curve is None else (curve.exit_deg, np.zeros(len(curve.exit_deg)))
+        shown.append(Quantity("degree of circular polarization", exit_deg, docp, docp_stderr, fitted, line))
+    return shown
 
 
 def _of_stokes(stokes: FloatArray) -> list[FloatArray]:

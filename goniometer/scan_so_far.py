@@ -12,6 +12,7 @@ from acquisition.events import (
     FitUpdated,
     PointReduced,
     ReadingStored,
+    ScanDoubted,
     ScanEnded,
     ScanStarted,
     StepStarted,
@@ -38,6 +39,7 @@ class ScanSoFar:
     refusal: FitRefused | None = None
     chosen: DirectionChosen | None = None
     ended: ScanEnded | None = None
+    doubts: tuple[str, ...] = ()
     readings: int = 0
     points: int = 0
     start_s: float = 0.0
@@ -61,6 +63,8 @@ class ScanSoFar:
                 self.chosen = event
             case ScanStarted():
                 self.started, self.start_s = event, self.now_s()
+            case ScanDoubted():
+                self.doubts = event.doubts
             case ScanEnded():
                 self.ended = event
 
@@ -84,7 +88,10 @@ class ScanSoFar:
         return max(self.step.time_left_s / speed - (self.now_s() - self.step_s), 0.0)
 
     def ending(self) -> str:
-        """How the scan ended, as one sentence."""
+        """How the scan ended, as one sentence, and then a line for each doubt about its light."""
+        return "\n".join([self._ending(), *(f"warning: {doubt}." for doubt in self.doubts)])
+
+    def _ending(self) -> str:
         if self.started is None:
             return "The scan did not begin."
         of_all = f" of {self.started.readings}" if self.started.readings else ""

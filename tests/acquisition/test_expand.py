@@ -66,9 +66,20 @@ def test_every_point_has_every_slot_once_and_the_angles_with_their_offset():
 def test_references_stand_before_every_nth_point_through_the_open_slot():
     steps = steps_of(reference={"exit_deg": 45.0, "every_points": 2})
     references = [step for step in steps if step.kind == "reference"]
-    assert [step.point for step in references] == [0, 2]
+    assert [step.point for step in references] == [0, 2, 3]
     assert {(step.target.exit_deg, step.target.slot) for step in references} == {(45.0, 1)}
-    assert len(steps) == 4 * 5 + 2
+    assert len(steps) == 4 * 5 + 3
+
+
+@pytest.mark.parametrize("every_points", [1, 2, 3, 100])
+def test_a_reference_closes_the_scan_and_takes_its_time(every_points):
+    steps = steps_of(reference={"exit_deg": 45.0, "every_points": every_points}, readings=[3, 3, 3, 7])
+    *others, closing = steps
+    assert (closing.kind, closing.point, closing.readings) == ("reference", 3, 7)
+    assert [step.kind for step in others[-5:]].count("signal") == 4
+    arm_s = 42 / 20 + 20 / 80
+    assert closing.duration_s > arm_s + 7 * (0.03 + READING_S)
+    assert steps_of()[-1].kind != "reference"
 
 
 @given(st.floats(0.001, 300), st.floats(0.1, 100), st.floats(0.1, 1000))

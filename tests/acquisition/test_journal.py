@@ -3,6 +3,7 @@
 import itertools
 import shutil
 import sqlite3
+from dataclasses import astuple, replace
 
 import pytest
 
@@ -37,7 +38,43 @@ def test_readings_come_back_as_they_were(tmp_path):
             journal.append(one)
     with Journal.open(tmp_path / "j") as journal:
         assert journal.readings() == tuple(taken)
-        assert journal.about() == {**ABOUT, "format": "1"}
+        assert journal.about() == {**ABOUT, "format": "2"}
+
+
+def test_the_retarder_comes_back_too(tmp_path):
+    taken = replace(reading(0), retarder_deg=-15.1, retardance_deg=88.5)
+    with Journal.create(tmp_path / "j", ABOUT) as journal:
+        journal.append(taken)
+    with Journal.open(tmp_path / "j") as journal:
+        assert journal.readings() == (taken,)
+
+
+def test_a_journal_from_before_retarders_is_read_as_without_one(tmp_path):
+    """As the first format was written: the same table without the last two columns."""
+    connection = sqlite3.connect(tmp_path / "j", isolation_level=None)
+    connection.execute("CREATE TABLE about (key TEXT PRIMARY KEY, value TEXT NOT NULL) STRICT")
+    connection.execute(
+        "CREATE TABLE readings (id INTEGER PRIMARY KEY, point INTEGER, kind TEXT, repeat INTEGER, time_s REAL, "
+        "incidence_deg REAL, exit_deg REAL, azimuth_deg REAL, slot INTEGER, analyzer_deg REAL, exposure_s REAL, "
+        "power_w REAL, stored_at TEXT NOT NULL DEFAULT 'then') STRICT"
+    )
+    connection.execute("INSERT INTO about VALUES ('format', '1')")
+    row = astuple(reading(3))[:11]
+    connection.execute(
+        "INSERT INTO readings (point, kind, repeat, time_s, incidence_deg, exit_deg, azimuth_deg, slot, analyzer_deg, "
+        f"exposure_s, power_w) VALUES ({', '.join('?' * 11)})",
+        row,
+    )
+    connection.close()
+    with Journal.open(tmp_path / "j") as journal:
+        assert journal.readings() == (reading(3),)
+
+
+def test_a_journal_of_a_later_version_is_refused_with_its_format(tmp_path):
+    with Journal.create(tmp_path / "j", ABOUT) as journal:
+        journal._connection.execute("UPDATE about SET value = '3' WHERE key = 'format'")
+    with pytest.raises(JournalError, match=r"has journal format 3; this version of goniometer reads 1 and 2\."):
+        Journal.open(tmp_path / "j")
 
 
 def test_every_acknowledged_reading_survives_a_copy_made_at_that_moment(tmp_path):

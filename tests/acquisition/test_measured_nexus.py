@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import h5py
@@ -43,6 +44,20 @@ def test_the_same_numbers_and_texts_come_back(scan: Path) -> None:
         assert_array_equal(getattr(data, name), getattr(measured, name), err_msg=name)
     assert data.name == "scan.nxs"
     assert about == PROVENANCE
+
+
+def test_s3_comes_back_where_it_was_measured(tmp_path: Path) -> None:
+    measured = [
+        replace(point, stokes=np.append(point.stokes, 0.1), covariance=np.diag([1e-6, 2e-6, 3e-6, 4e-6]))
+        for point in points()
+    ]
+    path = tmp_path / "scan.nxs"
+    with_degrees = [replace(point, docp=0.1, docp_stderr=0.01, dop=0.5, dop_stderr=0.01) for point in measured]
+    write_nexus(path, title="iron", readings=[], points=with_degrees, fit=None, provenance={})
+    data, _ = read_measured_nexus(path)
+    assert data.observable.columns == ("s0", "s1", "s2", "s3")
+    assert_array_equal(data.values, dataset(measured).values)
+    assert_array_equal(data.covariance, dataset(measured).covariance)
 
 
 def test_texts_are_not_needed(scan: Path) -> None:

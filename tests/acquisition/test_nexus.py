@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import h5py
@@ -111,6 +112,44 @@ def test_raw_readings_lie_beside_the_reduced_points(file: h5py.File) -> None:
     assert_array_equal(raw["polarizer_angle"], [45.0, np.nan])
     assert list(raw["kind"].asstr()) == ["signal", "dark"]
     assert file["entry/instrument/analyzer/polarizer_angle"] == raw["polarizer_angle"]
+
+
+def test_s3_and_its_retarder_stand_beside_the_rest(tmp_path: Path) -> None:
+    points = [
+        replace(
+            point,
+            stokes=np.array([1.0, 0.1, 0.0, -0.2]),
+            covariance=np.diag([1e-6, 4e-6, 9e-6, 16e-6]),
+            docp=-0.2,
+            docp_stderr=0.004,
+            dop=0.22,
+            dop_stderr=0.003,
+        )
+        for point in POINTS
+    ]
+    readings = [replace(READINGS[0], retarder_deg=-15.1, retardance_deg=88.0), READINGS[1]]
+    fit = replace(FIT, columns=("s0", "s1", "s2", "s3"), fitted=np.array([point.stokes for point in points]))
+    write_nexus(tmp_path / "scan.nxs", title="iron", readings=readings, points=points, fit=fit, provenance={})
+    with h5py.File(tmp_path / "scan.nxs") as file:
+        stokes = file["entry/stokes"]
+        assert_array_equal(stokes["S3"], [-0.2] * 3)
+        assert_array_equal(stokes["S3_errors"], [4e-3] * 3)
+        assert stokes["covariance"].shape == (3, 4, 4)
+        assert set(stokes.attrs["auxiliary_signals"]) == {"S0_fit", "S1", "S1_fit", "S2", "S2_fit", "S3"}
+        assert "clockwise" in stokes["S3"].attrs["long_name"]
+        assert_array_equal(file["entry/docp/DoCP"], [-0.2] * 3)
+        assert_array_equal(file["entry/dop/DoP_errors"], [0.003] * 3)
+        retarder = file["entry/instrument/retarder"]
+        assert_array_equal(retarder["fast_axis_angle"], [-15.1, np.nan])
+        assert_array_equal(retarder["retardance"], [88.0, np.nan])
+        numeric = {name: entry for name, entry in _datasets(file).items() if entry.dtype.kind in "iuf"}
+        assert [name for name, entry in numeric.items() if "units" not in entry.attrs] == []
+
+
+def test_without_s3_nothing_is_said_of_it(file: h5py.File) -> None:
+    assert not {"S3", "S3_errors"} & set(file["entry/stokes"])
+    assert not {"docp", "dop"} & set(file["entry"])
+    assert "retarder" not in file["entry/instrument"]
 
 
 def test_fitted_parameters_have_their_errors(file: h5py.File) -> None:

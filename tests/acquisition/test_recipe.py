@@ -137,3 +137,24 @@ def test_a_diffuse_surface_needs_roughness_alone() -> None:
 def test_a_recipe_cannot_be_changed() -> None:
     with pytest.raises(ValidationError, match="frozen"):
         recipe().readings = 4
+
+
+RETARDED = {"analyzer_deg": [0, 0, 0, 0], "retarder_deg": [-51.7, -15.1, 15.1, 51.7]}
+
+
+def test_angles_of_polarizer_and_retarder_go_together():
+    assert recipe(**RETARDED).settings() == ((0, -51.7), (0, -15.1), (0, 15.1), (0, 51.7))
+    assert recipe().settings() == ((0, None), (45, None), (90, None), (135, None))
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"retarder_deg": [0, 45]}, r"retarder_deg: got 2 angles; allowed: 4, one for each of analyzer_deg"),
+        (RETARDED | {"retarder_deg": [0, 45, 45, 90]}, "the angle 45 goes with the polarizer angle 0 2 times"),
+        ({"reference": {"exit_deg": 45, "every_points": 2, "largest_change": 1.5}}, "less than 1"),
+    ],
+)
+def test_settings_that_make_no_sense_are_refused(changes, message):
+    with pytest.raises(ValidationError, match=message):
+        recipe(**changes)

@@ -1,13 +1,15 @@
 """Readings of known light reduce to that light, with errors that describe the scatter."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
+from acquisition.lamp_level import LampLevel
 from acquisition.readings import Reading
-from acquisition.reduce import LampLevel, NoiseModel, Radiometry, Reduction
+from acquisition.reduce import NoiseModel, Radiometry, Reduction
 from goniometer.errors import ReductionError
 
 BEAM_W, ACCEPTANCE_SR, DARK_W = 2e-3, 5e-4, 3e-10
@@ -215,3 +217,256 @@ def test_few_photons_do_not_bias_the_result():
         seen.append(reduction(noise, has_dark=False).point(readings, LampLevel()).stokes[0] / s0)
     assert abs(np.mean(seen) - 1.0) < 4 * np.std(seen) / math.sqrt(len(seen))
     assert np.std(seen) / math.sqrt(len(seen)) < 0.003
+
+
+# S3
+
+
+PLATE_DEG = (-51.7, -15.1, 15.1, 51.7)
+
+
+def power_behind_plate(stokes, retarder_deg, analyzer_deg, retardance_deg, exit_deg=37.0):
+    """The reading by Mueller matrices written out: rotation, retarder (fast axis along x), rotation, polarizer."""
+    c, s = (f(math.radians(2 * retarder_deg)) for f in (math.cos, math.sin))
+    turn = np.array([[1, 0, 0, 0], [0, c, s, 0], [0, -s, c, 0], [0, 0, 0, 1]])
+    cd, sd = (f(math.radians(retardance_deg)) for f in (math.cos, math.sin))
+    plate = np.array([[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, cd, sd], [0, 0, -sd, cd]])
+    ca, sa = (f(math.radians(2 * analyzer_deg)) for f in (math.cos, math.sin))
+    passed = 0.5 * np.array([1, ca, sa, 0]) @ turn.T @ plate @ turn @ stokes
+    return DARK_W + BEAM_W * ACCEPTANCE_SR * math.cos(math.radians(exit_deg)) * passed
+
+
+def readings_behind_plate(stokes, true_retardance_deg=90.0, retarders_deg=PLATE_DEG, analyzer_deg=20.0, **place):
+    taken = [
+        replace(
+            reading("signal", power_behind_plate(stokes, angle, analyzer_deg, true_retardance_deg), **place),
+            analyzer_deg=analyzer_deg,
+            retarder_deg=angle,
+            retardance_deg=90.0,
+            repeat=i,
+        )
+        for angle in retarders_deg
+        for i in range(2)
+    ]
+    return [*taken, reading("dark", DARK_W, **place)]
+
+
+def test_a_plate_that_turns_gives_all_four_back():
+    stokes = np.array([0.31, -0.12, 0.07, 0.15])
+    point = reduction().point(readings_behind_plate(stokes), LampLevel())
+    assert point.has_s3
+    assert_allclose(point.stokes, stokes, rtol=1e-12)
+    assert point.covariance.shape == (4, 4)
+    assert_allclose(point.docp, 0.15 / 0.31, rtol=1e-12)
+    assert_allclose(point.dop, math.sqrt(0.12**2 + 0.07**2 + 0.15**2) / 0.31, rtol=1e-12)
+    assert_allclose(point.dolp, math.hypot(0.12, 0.07) / 0.31, rtol=1e-12)
+
+
+def test_polarizers_alone_say_nothing_of_s3():
+    point = reduction().point(readings_of((0.31, -0.12, 0.07)), LampLevel())
+    assert point.stokes.shape == (3,)
+    assert (point.has_s3, point.docp, point.dop, point.docp_stderr, point.dop_stderr) == (False, *[None] * 4)
+
+
+def test_one_state_that_depends_on_s3_makes_four_unknown():
+    """Three polarizers and a circular one: without S3 as unknown, circular light would pass for something else."""
+    stokes = np.array([0.31, -0.12, 0.07, 0.15])
+    circular = [taken for taken in readings_behind_plate(stokes, retarders_deg=(65.0,)) if taken.kind == "signal"]
+    readings = [*readings_of(stokes[:3], (0, 60, 120)), *circular]
+    assert_allclose(reduction().point(readings, LampLevel()).stokes, stokes, rtol=1e-12)
+    short = [*readings_of(stokes[:3], (0, 90)), *circular]
+    with pytest.raises(ReductionError, match=r"Point 0 cannot be reduced.* at least 4 different"):
+        reduction().point(short, LampLevel())
+
+
+@pytest.mark.parametrize("taken", range(1, 10))
+def test_a_scan_with_s3_cut_anywhere_in_a_point_has_s3_in_every_point(taken):
+    stokes = np.array([0.31, -0.12, 0.07, 0.15])
+    linear = [one for one in readings_of(stokes[:3], point=1) if one.kind == "signal"]
+    whole = readings_behind_plate(stokes, point=0)
+    points = reduction().scan([*whole, reading("dark", DARK_W, point=1), *linear[: taken - 1]])
+    assert [point.stokes.shape for point in points] == [(4,)]
+
+
+def test_errors_of_s3_docp_and_dop_describe_their_scatter():
+    noise = NoiseModel(read_w=3e-10, sample_s=0.003, shot=True, wavelength_nm=550)
+    stokes = np.array([0.03, -0.006, 0.007, 0.009])
+    clean = readings_behind_plate(stokes)
+    mean_w = np.array([taken.power_w for taken in clean])
+    rng, points = np.random.default_rng(23), []
+    for _ in range(400):
+        drawn = rng.normal(mean_w, np.sqrt(noise.variance(mean_w, np.full_like(mean_w, EXPOSURE_S))))
+        noisy = [replace(taken, power_w=float(power)) for taken, power in zip(clean, drawn, strict=True)]
+        points.append(reduction(noise).point(noisy, LampLevel()))
+    scatter = np.array([point.stokes for point in points]) - stokes
+    chi_square = sum(s @ np.linalg.solve(p.covariance, s) for s, p in zip(scatter, points, strict=True))
+    assert abs(chi_square - 4 * len(points)) < 4 * math.sqrt(2 * 4 * len(points))
+    for name, true_value in (("docp", 0.3), ("dop", float(np.linalg.norm(stokes[1:])) / 0.03)):
+        pulls = [(getattr(p, name) - true_value) / getattr(p, f"{name}_stderr") for p in points]
+        assert abs(np.mean(pulls)) < 0.2
+        assert 0.9 < np.std(pulls) < 1.1
+
+
+def test_a_retardance_that_is_off_shrinks_s3_and_mixes_linear_light():
+    """With the fixed polarizer at psi, light S1' along it and S2' at 45 degrees from it, read behind a plate at beta:
+
+    P = ½ [S0 + S1' (c² + s² cos d) + S2' c s (1 - cos d) - S3 s sin d], c = cos 2(beta - psi), s = sin 2(beta - psi).
+    So for d = 90 + e degrees taken for 90, S3 comes out sin d = cos e times as large, S2' 1 - cos d = 1 + sin e times,
+    S1' likewise, and S0 by -S1' sin e too large, whatever the plate's angles.
+    """
+    e = math.radians(3.0)
+    s0, along, across, s3 = 0.3, 0.1, 0.05, 0.12
+    stokes = np.array([s0, along, across, s3])
+    readings = readings_behind_plate(stokes, true_retardance_deg=93.0, analyzer_deg=0.0)
+    got = reduction().point(readings, LampLevel()).stokes
+    grown = 1 + math.sin(e)
+    assert_allclose(got, [s0 - along * math.sin(e), along * grown, across * grown, s3 * math.cos(e)], rtol=1e-12)
+
+
+# The lamp
+
+
+def lit(point, lamp, *, before=(), behind=(), noise_w=0.0, seed=0):
+    """A direction at 10 s a point in a lamp of this level, with references of these levels 4 s before and behind it."""
+    rng = np.random.default_rng([seed, point])
+    time_s = 10.0 * point
+
+    def reference(level, at_s, repeat):
+        power_w = DARK_W + 4e-8 * level + noise_w * rng.standard_normal()
+        return reading("reference", power_w, point=point, time_s=at_s, repeat=repeat)
+
+    signals = [
+        reading("signal", power_behind((0.31, -0.12, 0.07), a, 37.0, lamp), angle_deg=a, point=point, time_s=time_s)
+        for a in (0, 45, 90, 135)
+    ]
+    return [
+        *(reference(level, time_s - 4.0, i) for i, level in enumerate(before)),
+        *signals,
+        reading("dark", DARK_W, point=point, time_s=time_s + 1.0),
+        *(reference(level, time_s + 4.0, i) for i, level in enumerate(behind)),
+    ]
+
+
+def test_a_reference_behind_the_last_direction_counts_by_itself():
+    """The last direction has one before it, too: with both in one mean, a drift would go unseen."""
+    readings = [*lit(0, 1.0, before=(1.0, 1.0)), *lit(1, 0.95, before=(0.97, 0.97), behind=(0.93, 0.93))]
+    lamp = reduction().lamp_level(readings)
+    assert lamp.times_s == (-4.0, 6.0, 14.0)
+    assert_allclose(lamp.powers_w, 4e-8 * np.array([1.0, 0.97, 0.93]), rtol=1e-9)
+    assert_allclose(reduction().scan(readings)[1].stokes, (0.31, -0.12, 0.07), rtol=1e-9)
+    assert reduction().doubts(readings, reduction().scan(readings)) == ()
+
+
+def test_a_lamp_that_went_off_takes_the_directions_since_the_last_good_reference_with_it():
+    readings = [
+        *lit(0, 1.0, before=(1.0,)),
+        *lit(1, 1.0),
+        *lit(2, 1.0, before=(1.0,)),
+        *lit(3, 0.0),
+        *lit(4, 0.0, behind=(0.0,)),
+    ]
+    points = reduction().scan(readings)
+    assert [point.point for point in points] == [0, 1]
+    (doubt,) = reduction().doubts(readings, points)
+    assert doubt.startswith("At points 2 to 4 (12 readings) the lamp level cannot be followed: ")
+    assert "at 16.0 s and 44.0 s on the bench's clock" in doubt
+    assert "one shows no light: the lamp may have been off" in doubt
+    with pytest.raises(ReductionError, match=r"points 2 to 4 \(12 readings\).*left out of every result"):
+        reduction().require_lamp(reduction().lamp_level(readings), readings)
+
+
+def test_a_lamp_that_was_off_between_good_references_of_both_sides_takes_those_alone():
+    """A dark reference in the middle: the stretches on both its sides are in doubt, and no others."""
+    readings = [
+        *lit(0, 1.0, before=(1.0,)),
+        *lit(1, 1.0, before=(0.0,)),
+        *lit(2, 1.0, before=(1.0,)),
+        *lit(3, 1.0, before=(1.0,), behind=(1.0,)),
+    ]
+    points = reduction().scan(readings)
+    assert [point.point for point in points] == [2, 3]
+    assert len(reduction().doubts(readings, points)) == 2
+
+
+def test_behind_a_dark_reference_everything_is_dark_until_the_next():
+    """As in a scan that has ended at that reference, with the direction behind it already read."""
+    readings = [*lit(0, 1.0, before=(1.0,)), *lit(1, 1.0, before=(1.0,)), *lit(2, 0.0, before=(0.0,))]
+    points = reduction().scan(readings)
+    assert [point.point for point in points] == [0]
+    assert reduction().doubts(readings, points)[0].startswith("At points 1 to 2 (8 readings) ")
+
+
+@pytest.mark.parametrize(("change", "is_seen"), [(0.08, False), (0.12, True), (-0.08, False), (-0.12, True)])
+def test_a_change_of_the_lamp_beyond_the_limit_is_told_with_both_levels(change, is_seen):
+    readings = lit(0, 1.0, before=(1.0,), behind=(1.0 / (1 - change) if change > 0 else 1 + change,))
+    lamp = reduction().lamp_level(readings)
+    if is_seen:
+        with pytest.raises(
+            ReductionError, match=r"lamp levels of 1 and (1.14|0.88).* more than 0.1 \(largest_change\)"
+        ):
+            reduction().require_lamp(lamp, readings)
+        with pytest.raises(ReductionError, match="largest_change"):
+            reduction().scan(readings)
+    else:
+        reduction().require_lamp(lamp, readings)
+        assert len(reduction().scan(readings)) == 1
+
+
+def test_a_recipe_may_allow_its_lamp_more():
+    readings = lit(0, 0.75, before=(1.0,), behind=(0.5,))
+    tolerant = Reduction(Radiometry(BEAM_W, ACCEPTANCE_SR), QUIET, has_dark=True, largest_change=0.6)
+    (point,) = tolerant.scan(readings)
+    assert_allclose(point.stokes, (0.31, -0.12, 0.07), rtol=1e-9)
+
+
+def test_noise_alone_is_no_change_of_the_lamp():
+    """References with an error of 6 %, a steady lamp: no alarm among a thousand, though many differ by 10 %."""
+    noise = NoiseModel(read_w=2.4e-9, sample_s=EXPOSURE_S, shot=False, wavelength_nm=550)
+    readings = [taken for point in range(1000) for taken in lit(point, 1.0, before=(1.0,), noise_w=2.4e-9, seed=4)]
+    lamp = reduction(noise).lamp_level(readings)
+    assert np.mean(np.abs(np.diff(lamp.powers_w)) > 0.1 * 4e-8) > 0.1, "the case must lie where noise makes such steps"
+    reduction(noise).require_lamp(lamp, readings)
+
+
+def test_a_reference_that_noise_may_have_made_shows_no_light():
+    noise = NoiseModel(read_w=1e-9, sample_s=EXPOSURE_S, shot=False, wavelength_nm=550)
+    stderr = math.sqrt(2) * 1e-9 / 4e-8  # of a reference less its dark reading, in units of the lamp
+    for level, is_dark in ((4.0 * stderr, True), (6.0 * stderr, False)):
+        readings = lit(0, 1.0, before=(level,), behind=(level,))
+        if is_dark:
+            with pytest.raises(
+                ReductionError, match=r"first reference reading shows no light \(.* ± 1.4e-09 W above dark"
+            ):
+                reduction(noise).lamp_level(readings)
+        else:
+            reduction(noise).require_lamp(reduction(noise).lamp_level(readings), readings)
+
+
+def test_directions_behind_the_last_reference_are_kept_and_named():
+    """As in a scan that was cut short; the references of finished scans stand at both ends."""
+    readings = [*lit(0, 1.0, before=(1.0,)), *lit(1, 1.0), *lit(2, 1.0)]
+    points = reduction().scan(readings)
+    assert len(points) == 3
+    assert reduction().doubts(readings, points) == (
+        "No reference was read after points 0 to 2: the lamp is taken to be as bright there as at the last one, -4.0 s "
+        "on the bench's clock",
+    )
+    without = [taken for taken in readings if taken.kind != "reference"]
+    assert reduction().doubts(without, reduction().scan(without)) == ()
+
+
+def test_a_scan_without_any_light_says_so():
+    noise = NoiseModel(read_w=1e-9, sample_s=EXPOSURE_S, shot=False, wavelength_nm=550)
+    rng = np.random.default_rng(6)
+
+    def scan_of(s0):
+        return [
+            replace(taken, power_w=taken.power_w + 1e-9 * rng.standard_normal())
+            for point in range(30)
+            for taken in readings_of((s0, 0.0, 0.0), point=point)
+        ]
+
+    dark, dim = scan_of(0.0), [*scan_of(0.0), *readings_of((0.02, 0.0, 0.0), point=30)]
+    (doubt,) = reduction(noise).doubts(dark, reduction(noise).scan(dark))
+    assert doubt.startswith("No light was seen: S0 is within 5 standard errors of 0 in every direction.")
+    assert reduction(noise).doubts(dim, reduction(noise).scan(dim)) == ()

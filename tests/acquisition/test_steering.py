@@ -76,6 +76,7 @@ class Bench:
         self.maker = Visits(scan, SLOTS, timing)
         choose = Adaptive(scan, self.maker, self.family, DETECTION) if scan.adaptive else passes(scan)
         self.begun_s = []
+        self.closing = ()
         self.steering = Steering(scan, self.maker, self.family, choose, self, self.events.append)
 
     def now(self):
@@ -88,6 +89,9 @@ class Bench:
         while steps := self.steering.next(tuple(self.points)):
             self.begun_s.append(self.now_s)
             self.sleep(sum(step.duration_s for step in steps))
+            if {step.kind for step in steps} == {"reference"}:
+                self.closing = steps
+                continue
             (point,) = expected_points(steps, light_of(self.surface), DETECTION)
             noise = np.linalg.cholesky(point.covariance) @ self._random.standard_normal(3)
             self.points.append(replace(point, stokes=point.stokes + noise))
@@ -206,6 +210,20 @@ def test_no_direction_begins_that_would_end_after_the_time_limit(adaptive_too):
     assert bench.steering.reason == (
         f"time limit of 100 s: wanted standard errors not reached: n {stderr:.3g} > 0.0001"
     )
+
+
+@pytest.mark.parametrize("adaptive_too", [False, True])
+def test_a_reference_closes_the_scan_within_the_time_limit(adaptive_too):
+    """From where the last direction leaves the bench, and never twice."""
+    reference = {"exit_deg": 0.0, "every_points": 5}
+    scan = recipe(until={"n": 1e-6}, adaptive=adaptive_too, time_limit_s=40.0, reference=reference)
+    bench = Bench(scan, surface_of(IRON)).run()
+    (closing,) = bench.closing
+    assert (closing.kind, closing.point) == ("reference", len(bench.points) - 1)
+    assert bench.steering.next(tuple(bench.points)) == ()
+    assert bench.now_s <= 40.0
+    without = Bench(scan.model_copy(update={"reference": None}), surface_of(IRON)).run()
+    assert without.closing == ()
 
 
 def test_a_model_that_misses_the_data_ends_nothing_early():

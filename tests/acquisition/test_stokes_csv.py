@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import fields
+from dataclasses import fields, replace
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from numpy.testing import assert_array_equal
 
 from acquisition.readings import StokesPoint
-from acquisition.stokes_csv import COLUMNS, read_stokes_csv, write_stokes_csv
+from acquisition.stokes_csv import columns, read_stokes_csv, write_stokes_csv
 from goniometer.errors import JournalError
 
 _NUMBERS = st.floats(allow_nan=True, allow_infinity=True)
@@ -40,20 +40,20 @@ def _assert_same(read: StokesPoint, written: StokesPoint) -> None:
 
 
 @st.composite
-def _any_point(draw: st.DrawFn) -> StokesPoint:
+def _any_point(draw: st.DrawFn, count: int) -> StokesPoint:
     numbers = iter(draw(st.lists(_NUMBERS, min_size=20, max_size=20)))
-    variances = draw(st.lists(st.floats(0.0, 1e300), min_size=3, max_size=3))
-    covariance = np.diag(variances) + np.triu(np.full((3, 3), next(numbers)), 1)
+    variances = draw(st.lists(st.floats(0.0, 1e300), min_size=count, max_size=count))
+    covariance = np.diag(variances) + np.triu(np.full((count, count), next(numbers)), 1)
     return StokesPoint(
         draw(st.integers(0, 10**6)),
         *(next(numbers) for _ in range(3)),
-        np.array([next(numbers) for _ in range(3)]),
+        np.array([next(numbers) for _ in range(count)]),
         covariance,
-        *(next(numbers) for _ in range(5)),
+        *(next(numbers) for _ in range(5 if count == 3 else 9)),
     )
 
 
-@given(points=st.lists(_any_point(), max_size=4))
+@given(points=st.sampled_from([3, 4]).flatmap(lambda count: st.lists(_any_point(count), max_size=4)))
 def test_every_bit_comes_back(tmp_path_factory: pytest.TempPathFactory, points: list[StokesPoint]) -> None:
     path = tmp_path_factory.mktemp("csv") / "stokes.csv"
     write_stokes_csv(path, points)
@@ -71,7 +71,28 @@ def test_the_file_explains_itself(tmp_path: Path) -> None:
     assert "exit_deg is signed: positive on the mirror" in comments
     dimensionless = {"point", "dolp", "dolp_debiased", "dolp_stderr"}
     units = ("_deg", "_per_sr", "_per_sr2")
-    assert all(column.endswith(units) for column in COLUMNS if column not in dimensionless)
+    assert all(column.endswith(units) for column in columns(3) if column not in dimensionless)
+
+
+def test_s3_has_its_columns_where_it_was_measured_and_nowhere_else(tmp_path: Path) -> None:
+    path = tmp_path / "stokes.csv"
+    write_stokes_csv(path, [_point(0, -5.0)])
+    assert "s3" not in path.read_text(encoding="utf-8")
+    assert "docp" not in path.read_text(encoding="utf-8")
+    with_s3 = replace(
+        _point(0, -5.0),
+        stokes=np.array([0.1, 0.01, 0.0, -0.02]),
+        covariance=np.eye(4) * 1e-8,
+        docp=-0.2,
+        docp_stderr=0.01,
+        dop=0.22,
+        dop_stderr=0.02,
+    )
+    write_stokes_csv(path, [with_s3])
+    table = np.genfromtxt(path, delimiter=",", names=True, skip_header=9)
+    assert (table["s3_per_sr"], table["s3_stderr_per_sr"], table["docp"], table["dop"]) == (-0.02, 1e-4, -0.2, 0.22)
+    assert "s3 > 0 turns clockwise" in path.read_text(encoding="utf-8")
+    _assert_same(read_stokes_csv(path)[0], with_s3)
 
 
 def test_numpy_reads_the_columns_by_name(tmp_path: Path) -> None:

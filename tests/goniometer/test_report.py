@@ -158,6 +158,29 @@ def test_a_scan_without_any_light_is_drawn_all_the_same(tmp_path: Path) -> None:
     draw_report(tmp_path / "report.png", title="dark", points=points, fit=None, curve=None, truth={})
 
 
+def test_circular_polarization_has_a_panel_where_it_was_measured(tmp_path: Path, drawn: list[Figure]) -> None:
+    points = [
+        replace(
+            point,
+            stokes=np.append(point.stokes, -0.1 * point.stokes[0]),
+            covariance=np.eye(4) * 1e-6,
+            docp=-0.1,
+            docp_stderr=0.02,
+            dop=0.4,
+            dop_stderr=0.02,
+        )
+        for point in _scan(61)
+    ]
+    linear = _fit(_scan(61))
+    draw_report(tmp_path / "report.png", title="iron", points=points, fit=linear, curve=_curve(_scan(61)), truth={})
+    titles = [axes.get_title("left") for axes in drawn[0].axes]
+    assert titles.count("degree of circular polarization") == 1
+    *_, docp = quantities(points, linear)
+    assert_allclose(docp.measured, -0.1)
+    assert_allclose(docp.residuals(), -5.0)
+    assert len(quantities(_scan(61), linear)) == 3
+
+
 def test_residuals_of_an_angle_go_the_short_way_round() -> None:
     points = [_point(0.0, 1.0, aolp_deg=89.0), _point(1.0, 1.0, aolp_deg=2.0)]
     # S2 slightly below zero and S1 < 0: an angle of -89 degrees

@@ -1,0 +1,119 @@
+"""What the readings of a scan become on their way, and what is said when nobody knows how bright the lamp was."""
+
+import pytest
+
+from acquisition.events import PointReduced, ReadingStored, ScanDoubted, ScanEnded
+from acquisition.pipeline import Pipeline
+from acquisition.readings import Reading
+from acquisition.reduce import NoiseModel, Radiometry, Reduction
+from goniometer.errors import ReductionError
+
+DARK_W, SCALE_W = 2e-10, 1e-8
+NOISE = NoiseModel(read_w=2e-11, sample_s=0.003, shot=True, wavelength_nm=550)
+
+
+class Scan:
+    """A pipeline that is fed direction by direction, in a lamp of some level, 10 s each; hears what it tells."""
+
+    def __init__(self):
+        self.told, self._now_s, self._point = [], 0.0, -1
+        reduction = Reduction(Radiometry(1e-4, 1e-4), NOISE, has_dark=True)
+        self.pipeline = Pipeline(reduction, None, [self.told.append])
+
+    def _read(self, kind, power_w, analyzer_deg=None, repeat=0):
+        self._now_s += 1.0
+        place = (self._point, kind, repeat, self._now_s, 60.0, 0.0, 0.0, 2, analyzer_deg, 0.03)
+        self.pipeline.publish(ReadingStored(Reading(*place, power_w)))
+
+    def reference(self, level):
+        for repeat in range(2):
+            self._read("reference", DARK_W + 3e-8 * level, repeat=repeat)
+
+    def direction(self, level, reference=None, s0=1.0):
+        self._point += 1
+        if reference is not None:
+            self.reference(reference)
+        for analyzer_deg in (0.0, 60.0, 120.0):
+            self._read("signal", DARK_W + SCALE_W * s0 * level / 2, analyzer_deg)
+        self._read("dark", DARK_W)
+
+    def end(self):
+        self.pipeline.publish(ScanEnded("finished", 0, self._now_s, as_asked=True))
+        return [event.doubts for event in self.told if isinstance(event, ScanDoubted)]
+
+    @property
+    def s0(self):
+        return [event.stokes_point.stokes[0] for event in self.told if isinstance(event, PointReduced)]
+
+
+def test_a_scan_in_a_steady_lamp_has_nothing_to_be_doubted():
+    scan = Scan()
+    for point in range(4):
+        scan.direction(1.0, reference=1.0 if point % 2 == 0 else None)
+        if point == 3:
+            scan.reference(1.0)
+        scan.pipeline.end_point()
+    assert scan.s0 == pytest.approx([1.0] * 4)
+    assert scan.end() == []
+
+
+def test_a_lamp_that_goes_off_ends_the_scan_at_the_next_reference():
+    scan = Scan()
+    scan.direction(1.0, reference=1.0)
+    scan.pipeline.end_point()
+    scan.direction(0.0)
+    scan.pipeline.end_point()
+    scan.direction(0.0, reference=0.0)
+    with pytest.raises(ReductionError, match=r"At points 0 to 2 \(9 readings\) the lamp .* one shows no light"):
+        scan.pipeline.end_point()
+    assert len(scan.s0) == 2, "nothing is made of the direction behind the dark reference"
+
+
+def test_a_lamp_that_goes_off_in_the_last_directions_is_seen_by_the_reference_that_closes_the_scan():
+    """It may come with the last direction, or by itself when a scan decides as it goes that it has ended."""
+    for by_itself in (False, True):
+        scan = Scan()
+        scan.direction(1.0, reference=1.0)
+        scan.pipeline.end_point()
+        scan.direction(0.0)
+        if by_itself:
+            scan.pipeline.end_point()
+        scan.reference(0.0)
+        with pytest.raises(ReductionError, match="one shows no light"):
+            scan.pipeline.end_point()
+
+
+def test_a_reference_that_closes_a_scan_by_itself_makes_no_point():
+    scan = Scan()
+    scan.direction(1.0, reference=1.0)
+    scan.pipeline.end_point()
+    scan.reference(1.0)
+    scan.pipeline.end_point()
+    assert len(scan.pipeline.points) == 1
+    assert scan.end() == []
+
+
+def test_a_scan_cut_short_says_what_no_reference_has_closed_before_it_says_that_it_ended():
+    scan = Scan()
+    scan.direction(1.0, reference=1.0)
+    scan.pipeline.end_point()
+    ((doubt,),) = scan.end()
+    assert doubt.startswith("No reference was read after point 0:")
+    assert [type(event) for event in scan.told[-2:]] == [ScanDoubted, ScanEnded]
+
+
+def test_a_scan_without_light_and_without_references_ends_with_a_warning():
+    scan = Scan()
+    for _ in range(3):
+        scan.direction(0.0)
+        scan.pipeline.end_point()
+    ((doubt,),) = scan.end()
+    assert doubt.startswith("No light was seen")
+
+
+def test_a_scan_that_ends_in_a_dark_first_reference_still_ends():
+    scan = Scan()
+    scan.direction(0.0, reference=0.0)
+    with pytest.raises(ReductionError, match="first reference reading shows no light"):
+        scan.pipeline.end_point()
+    assert scan.end() == []
