@@ -52,6 +52,28 @@ class ReadingStored:
 
 
 @dataclass(frozen=True)
+class LinkRestored:
+    """A link was lost and is back; every device is as it was, and the reading that was under way is taken again.
+
+    `device` is the one that lost it and `happened` what it said; `lost_at` the time of day, `away_s` how long it was
+    away on the bench's clock, until every device had been checked; `notes` are what devices said on that.
+    """
+
+    device: str
+    happened: str
+    lost_at: str
+    away_s: float
+    notes: tuple[str, ...] = ()
+
+    def __str__(self) -> str:
+        said = "".join(f"; {note}" for note in self.notes)
+        return (
+            f"{self.device}: {self.happened} at {self.lost_at} and back after {self.away_s:.1f} s; all devices are as "
+            f"they were, and what was under way is done again{said}"
+        )
+
+
+@dataclass(frozen=True)
 class PointReduced:
     """All readings of a direction are in and have been reduced."""
 
@@ -89,6 +111,13 @@ class DirectionChosen:
 
 
 @dataclass(frozen=True)
+class ScanDoubted:
+    """The scan is about to end, and a person should know this of its light before believing in its points."""
+
+    doubts: tuple[str, ...]
+
+
+@dataclass(frozen=True)
 class ScanEnded:
     """The bench is safe. `reason` is ``"finished"``, or what ended the scan.
 
@@ -101,5 +130,16 @@ class ScanEnded:
     as_asked: bool
 
 
-Event = ScanStarted | StepStarted | ReadingStored | PointReduced | FitUpdated | FitRefused | DirectionChosen | ScanEnded
+Event = (
+    ScanStarted
+    | StepStarted
+    | ReadingStored
+    | LinkRestored
+    | PointReduced
+    | FitUpdated
+    | FitRefused
+    | DirectionChosen
+    | ScanDoubted
+    | ScanEnded
+)
 Subscriber = Callable[[Event], None]

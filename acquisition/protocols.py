@@ -6,13 +6,30 @@ at the same time and can be interrupted between any two polls.
 
 from __future__ import annotations
 
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 
-class RotaryAxis(Protocol):
-    """One axis that turns; angles in degrees."""
+class Reachable(Protocol):
+    """What every device has: a link that may be lost."""
 
     name: str
+
+    def connect(self) -> tuple[str, ...]:
+        """Check that it is the device expected and set it up; moves nothing. Returns what it held from earlier use.
+
+        After a lost link: check that it is the same still, and has kept its home; raises DeviceError otherwise.
+        """
+        ...
+
+    def reconnect(self) -> None:
+        """Open its port afresh, once, after the link was lost; raises NotConnectedError."""
+        ...
+
+
+@runtime_checkable
+class RotaryAxis(Reachable, Protocol):
+    """One axis that turns; angles in degrees."""
+
     settle_s: float
     tolerance_deg: float
 
@@ -45,10 +62,9 @@ class HomingAxis(RotaryAxis, Protocol):
         ...
 
 
-class Analyzer(Protocol):
+class Analyzer(Reachable, Protocol):
     """A polarization analyzer that takes one of several numbered slots."""
 
-    name: str
     settle_s: float
 
     def start_select(self, slot: int) -> None:
@@ -68,10 +84,8 @@ class Analyzer(Protocol):
         ...
 
 
-class Detector(Protocol):
+class Detector(Reachable, Protocol):
     """A detector of optical power."""
-
-    name: str
 
     def start_reading(self, exposure_s: float) -> None:
         """Begin one reading."""

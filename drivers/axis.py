@@ -1,51 +1,27 @@
-"""A rotary axis as a scan moves it: limits, zero, the approach from one side, the way round, and deadlines."""
+"""A rotary axis as a scan moves it: its zero, the legs of its way, deadlines, and where it may be meanwhile."""
 
 from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 
 from drivers.clock import Clock, Deadline
-from drivers.motion import Progress, motion_deadline, refuse_outside, stalled, still_moving, stop_or_warn
+from drivers.motion import (
+    Progress,
+    motion_deadline,
+    refuse_elsewhere,
+    refuse_outside,
+    stalled,
+    still_moving,
+    stop_or_warn,
+    without_home,
+)
 from drivers.stage import Stage
+from drivers.travel import Travel, nearest_turn_deg
 from goniometer.errors import DeviceFaultError
 
 HOMING_S = 180.0
 """How long a stage may search its home position."""
-
-
-@dataclass(frozen=True)
-class Travel:
-    """How an axis may be moved, and when it has arrived; angles in degrees.
-
-    Parameters
-    ----------
-    limits_deg : tuple of float
-        Lowest and highest angle that the axis may be sent to.
-    settle_s, tolerance_deg : float
-        Time to come to rest, and how far from its target the axis may stop.
-    zero_deg : float
-        What the stage reads where the axis is at 0.
-    backlash_deg : float
-        Play of the gear. Every target is approached upwards: a move down, or a short one after it, goes so far below
-        the target and comes back. 0 for a stage without play.
-    wraps : bool
-        Whether the stage may turn for ever, so that the axis takes the shorter way round.
-    """
-
-    limits_deg: tuple[float, float]
-    settle_s: float
-    tolerance_deg: float
-    zero_deg: float = 0.0
-    backlash_deg: float = 0.0
-    wraps: bool = False
-
-    @property
-    def reachable_deg(self) -> tuple[float, float]:
-        """The limits, less what the approach from below needs."""
-        low_deg, high_deg = self.limits_deg
-        return low_deg + (0.0 if self.wraps else self.backlash_deg), high_deg
 
 
 class Axis:
@@ -76,22 +52,39 @@ class Axis:
         self._deadline: Deadline | None = None
         self._progress: Progress | None = None
         self._came_from_below = False
-        self._way_deg: list[float] = []
-        self._rests = False
+        self._is_under_way = False
+        self._within_deg: tuple[float, float] | None = None
+        self._was_homed = False
         self.permit: Callable[[Sequence[float]], None] | None = None
 
     def connect(self) -> tuple[str, ...]:
-        """Check the stage and set it up; moves nothing. Returns errors left in it from earlier use."""
-        return self._stage.connect()
+        """Check the stage and set it up; moves nothing. Returns errors left in it from earlier use.
+
+        Raises
+        ------
+        DeviceFaultError
+            When it is called again, after a lost link, and the stage has forgotten its home.
+        PositionError
+            When it stands where its last move cannot have led.
+        """
+        was_homed = self._was_homed
+        notes = self._stage.connect()
+        if was_homed and not self.is_homed():
+            raise without_home(self.name, "any further move")
+        if self._within_deg is not None:
+            refuse_elsewhere(self.name, self._counted_deg(), self._within_deg, self.tolerance_deg, self.travel.wraps)
+        return notes
 
     def is_homed(self) -> bool:
         """Whether the stage knows where its zero is."""
-        return self._stage.is_homed()
+        self._was_homed = self._stage.is_homed()
+        return self._was_homed
 
     def start_homing(self) -> None:
         """Begin to search the home position; `is_moving` tells when it is found."""
         self._forget_motion()
-        self._came_from_below = self._rests = False
+        self._came_from_below = self._was_homed = False
+        self._is_under_way, self._within_deg = True, None
         self._deadline = Deadline(self._clock, HOMING_S)
         self._stage.start_homing()
 
@@ -105,40 +98,58 @@ class Axis:
         CollisionError
             When `permit` finds a collision zone on the way; nothing is sent that moves.
         DeviceFaultError
-            When the stage has lost its home position or does not take the move.
+            When the stage has lost its home position or does not take the move; with `permit`, also when it moves
+            although this program has not told it to.
         """
         refuse_outside(self.name, target_deg, self.travel.reachable_deg)
-        if not self._stage.is_homed():
-            raise DeviceFaultError(
-                self.name,
-                "the stage does not know where its zero is: it was switched off, or never homed",
-                not_done=f"the move to {target_deg:g} degrees; nothing was moved",
-                to_do=f"clear the way of the axis, then: goniometer home --axis {self.name}",
-            )
-        self._forget_motion()
+        if not self.is_homed():
+            raise without_home(self.name, f"the move to {target_deg:g} degrees; nothing was moved")
         here_deg = self._counted_deg()
         way_deg = self.way_deg(here_deg, target_deg)
         if self.permit is not None:
-            self._rests = self._rests or not self._stage.is_moving()
-            self.permit(way_deg if self._rests else [*self._until_rest_deg(here_deg), *way_deg])
-        self._target_deg, self._way_deg = target_deg, way_deg
+            self.require_rest()
+            self.permit(way_deg)
+        angles_deg = [*way_deg, *self._until_rest_deg()]
+        self._is_under_way, self._within_deg = True, (min(angles_deg), max(angles_deg))
+        self._forget_motion()
+        self._target_deg = target_deg
         self._legs.extend(way_deg[1:])
         self._start_leg(here_deg)
 
+    def require_rest(self) -> None:
+        """See that the axis does not move by itself; without its zero it may be anywhere in any case.
+
+        Raises
+        ------
+        DeviceFaultError
+            When the axis moves although this program has not told it to, or its stage reports a fault.
+        """
+        if not self._is_under_way and (self._was_homed or self.is_homed()) and self._stage.is_moving():
+            raise DeviceFaultError(
+                self.name,
+                "the axis moves although this program has not told it to: a program that was killed, another one, or a "
+                "person at the controller has",
+                not_done="nothing was moved from here, and its motion was not stopped",
+                to_do="wait until it stands or stop it with: goniometer stop, then start again",
+            )
+
     def span_deg(self) -> tuple[float, float]:
-        """Lowest and highest angle at which the axis is until it has arrived; a single one when it stands."""
-        here_deg = self._counted_deg()
-        angles_deg = [here_deg, *self._way_deg, *([] if self._rests else self._until_rest_deg(here_deg))]
+        """Lowest and highest angle at which the axis may be until it is seen at rest; a single one when it stands.
+
+        Anywhere within its limits while it does not know its zero or searches it.
+
+        Raises
+        ------
+        DeviceFaultError
+            As `require_rest`: then nobody knows.
+        """
+        self.require_rest()
+        angles_deg = [self._counted_deg(), *self._until_rest_deg()]
         return min(angles_deg), max(angles_deg)
 
     def way_deg(self, here_deg: float, target_deg: float) -> list[float]:
         """The angles where a move begins, turns and ends; of an axis that turns for ever, with its whole turns."""
-        if self.travel.wraps:
-            target_deg = _nearest(target_deg, here_deg)
-        play_deg, way_deg = self.travel.backlash_deg, target_deg - here_deg
-        if play_deg and not (way_deg >= 0 and (self._came_from_below or way_deg > play_deg)):
-            return [here_deg, target_deg - play_deg, target_deg]
-        return [here_deg, target_deg]
+        return self.travel.way_deg(here_deg, target_deg, came_from_below=self._came_from_below)
 
     def is_moving(self) -> bool:
         """Ask whether the motion goes on.
@@ -146,9 +157,8 @@ class Axis:
         Raises
         ------
         DeviceFaultError
-            When the stage reports a fault, or stands still far from its target: it is then told to stop.
-        ReplyTimeoutError
-            When the motion takes longer than its speed allows.
+            When the stage reports a fault, stands still far from its target, or moves for longer than its speed allows:
+            it is then told to stop.
         """
         if self._stage.is_moving():
             self._require_progress()
@@ -157,13 +167,13 @@ class Axis:
             self._start_leg(self._counted_deg())
             return True
         self._forget_motion()
-        self._rests = True
+        self._is_under_way = False
         return False
 
     def position_deg(self) -> float:
         """Where the stage says it is; of an axis that turns for ever, the angle nearest to its last target."""
         position_deg = self._counted_deg()
-        return _nearest(position_deg, self._target_deg) if self.travel.wraps else position_deg
+        return nearest_turn_deg(position_deg, self._target_deg) if self.travel.wraps else position_deg
 
     def stop(self) -> None:
         """Stop; safe at any time.
@@ -174,8 +184,12 @@ class Axis:
             When the link is gone and a fresh connection fails too: the axis may still be moving.
         """
         self._forget_motion()
-        self._came_from_below = self._rests = False
+        self._came_from_below = False
         stop_or_warn(self.name, self._stage.stop, self._stage.reconnect)
+
+    def reconnect(self) -> None:
+        """Open the stage's port afresh, once, after the link was lost; raises NotConnectedError."""
+        self._stage.reconnect()
 
     def close(self) -> None:
         """Close the stage's port; it holds its position."""
@@ -183,7 +197,6 @@ class Axis:
 
     def _start_leg(self, here_deg: float) -> None:
         there_deg, stage = self._legs.popleft(), self._stage
-        self._rests = False
         way_deg = there_deg - here_deg
         self._came_from_below = way_deg > 0 or (way_deg == 0 and self._came_from_below)
         self._deadline = motion_deadline(self._clock, way_deg, stage.velocity_deg_s, stage.acceleration_deg_s2)
@@ -200,20 +213,18 @@ class Axis:
             self.stop()
             raise still_moving(self.name, self._target_deg)
 
-    def _until_rest_deg(self, here_deg: float) -> tuple[float, float]:
-        """Where the axis may come to rest, or turn back, when it is told something else at full speed."""
-        brake_deg = self._stage.velocity_deg_s**2 / (2 * self._stage.acceleration_deg_s2)
-        return here_deg - brake_deg, here_deg + brake_deg
+    def _until_rest_deg(self) -> tuple[float, ...]:
+        """How far it may go before it is seen at rest, whatever it is told meanwhile: some stages obey no stop.
+
+        Wherever it brakes or turns back, that is between where it last stood and where it was sent since.
+        """
+        if self._is_under_way:
+            return self._within_deg or self.travel.limits_deg
+        return () if self._was_homed else self.travel.limits_deg
 
     def _forget_motion(self) -> None:
         self._legs.clear()
-        self._way_deg = []
         self._deadline = self._progress = None
 
     def _counted_deg(self) -> float:
         return self._stage.position_deg() - self.travel.zero_deg
-
-
-def _nearest(angle_deg: float, to_deg: float) -> float:
-    """The angle that differs from `angle_deg` by whole turns and is nearest to `to_deg`."""
-    return angle_deg + 360.0 * round((to_deg - angle_deg) / 360.0)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Protocol
@@ -12,7 +13,7 @@ Span = tuple[float, float]
 
 
 class Zone(Protocol):
-    """Angles that are forbidden together."""
+    """Angles that are forbidden together, and all that are whole turns away from them: it is the same place."""
 
     def is_entered(self, spans: Mapping[str, Span]) -> bool:
         """Whether any combination of angles out of the spans of all axes lies in the zone."""
@@ -36,7 +37,9 @@ class ArmsTooClose:
     def is_entered(self, spans: Mapping[str, Span]) -> bool:
         """Whether the arms can come closer than that anywhere in the spans."""
         source, detector = spans["source_arm"], spans["detector_arm"]
-        return source[0] + detector[0] < self.angle_deg and source[1] + detector[1] > -self.angle_deg
+        lowest_deg, highest_deg = source[0] + detector[0], source[1] + detector[1]
+        turns = math.floor((lowest_deg - self.angle_deg) / 360.0) + 1  # the first whose upper end is above the lowest
+        return highest_deg > 360.0 * turns - self.angle_deg
 
     def describe(self) -> str:
         """The zone, in words."""
@@ -51,12 +54,17 @@ class Box:
 
     def is_entered(self, spans: Mapping[str, Span]) -> bool:
         """Whether every axis of the zone can be within its range."""
-        return all(spans[role][0] <= high and spans[role][1] >= low for role, (low, high) in self.ranges_deg.items())
+        return all(_overlap(spans[role], range_deg) for role, range_deg in self.ranges_deg.items())
 
     def describe(self) -> str:
         """The zone, in words."""
         parts = (f"{role} at {low:g} to {high:g} degrees" for role, (low, high) in self.ranges_deg.items())
         return " with ".join(parts)
+
+
+def _overlap(span: Span, range_deg: Span) -> bool:
+    turns = math.ceil((span[0] - range_deg[1]) / 360.0)
+    return span[1] >= range_deg[0] + 360.0 * turns
 
 
 def entered(zones: Sequence[Zone], spans: Mapping[str, Span]) -> Zone | None:

@@ -19,10 +19,18 @@ class Interlock:
         What no path may enter.
     axes : mapping of str to Axis
         Every axis of the bench, by role. Each asks this interlock from now on.
+
+    Raises
+    ------
+    DeviceFaultError
+        When an axis moves already: where to, only who sent it knows. Also without zones, for nothing can be read or
+        planned on a bench that moves.
     """
 
     def __init__(self, zones: Sequence[Zone], axes: Mapping[str, Axis]) -> None:
         self._zones, self._axes = tuple(zones), dict(axes)
+        for axis in self._axes.values():
+            axis.require_rest()
         for role, axis in self._axes.items() if self._zones else ():
             axis.permit = partial(self._permit, role)
 

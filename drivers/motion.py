@@ -2,11 +2,19 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 
 from drivers.clock import Clock, Deadline
 from drivers.stage import Stage
-from goniometer.errors import DeviceFaultError, LimitError, NotConnectedError, ReplyError, ReplyTimeoutError
+from goniometer.errors import (
+    DeviceFaultError,
+    LimitError,
+    NotConnectedError,
+    PositionError,
+    ReplyError,
+    ReplyTimeoutError,
+)
 
 _LINK_ERRORS = (NotConnectedError, ReplyTimeoutError, ReplyError)
 _LOOK_S = 0.5
@@ -25,15 +33,42 @@ def refuse_outside(name: str, target_deg: float, limits_deg: tuple[float, float]
         )
 
 
+def refuse_elsewhere(
+    name: str, position_deg: float, within_deg: tuple[float, float], tolerance_deg: float, wraps: bool
+) -> None:
+    """Raise PositionError unless an axis stands where its last move can have led, whole turns aside if it wraps."""
+    low_deg, high_deg = within_deg[0] - tolerance_deg, within_deg[1] + tolerance_deg
+    nearest_deg = position_deg + 360.0 * math.ceil((low_deg - position_deg) / 360.0) if wraps else position_deg
+    if not low_deg <= nearest_deg <= high_deg:
+        raise PositionError(
+            name,
+            f"after its link was lost it stands at {position_deg:g} degrees, where its last move between "
+            f"{within_deg[0]:g} and {within_deg[1]:g} degrees cannot have led: it was moved by hand, its controller "
+            "counts from another zero, or another one answers",
+            not_done="it was not moved any more",
+            to_do="look where it truly stands and which cable leads where, home it, then start again",
+        )
+
+
+def without_home(name: str, not_done: str) -> DeviceFaultError:
+    """Describe a stage that cannot be moved before it is homed."""
+    return DeviceFaultError(
+        name,
+        "the stage does not know where its zero is: it was switched off, or never homed",
+        not_done=not_done,
+        to_do=f"clear the way of the axis, then: goniometer home --axis {name}",
+    )
+
+
 def motion_deadline(clock: Clock, distance_deg: float, velocity_deg_s: float, acceleration_deg_s2: float) -> Deadline:
     """Allow twice the duration of a trapezoidal motion, and 5 s."""
     duration_s = abs(distance_deg) / velocity_deg_s + velocity_deg_s / acceleration_deg_s2
     return Deadline(clock, 2 * duration_s + 5.0)
 
 
-def still_moving(name: str, target_deg: float) -> ReplyTimeoutError:
-    """Describe a motion that has not ended in time."""
-    return ReplyTimeoutError(
+def still_moving(name: str, target_deg: float) -> DeviceFaultError:
+    """Describe a motion that has not ended in time, although the device answers."""
+    return DeviceFaultError(
         name,
         f"the motion to {target_deg:g} degrees has not ended within twice its expected time and 5 s",
         not_done="the target was not reached; the axis was told to stop",

@@ -21,6 +21,9 @@ class Stage(Protocol):
     def connect(self) -> tuple[str, ...]:
         """Check that the device is the one expected and tell it its speed; moves nothing.
 
+        After a lost link, when it is called again, the device must be the same, and not have lost its power unless it
+        keeps its home without; raises DeviceFaultError otherwise.
+
         Returns
         -------
         tuple of str
@@ -53,7 +56,7 @@ class Stage(Protocol):
         ...
 
     def reconnect(self) -> None:
-        """Open the port afresh after the link was lost."""
+        """Open the port afresh, once, after the link was lost; moves nothing, and waits for nobody."""
         ...
 
     def close(self) -> None:

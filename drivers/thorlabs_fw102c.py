@@ -60,8 +60,13 @@ class ThorlabsFw102c:
         self._target: int | None = None
         self._deadline = Deadline(clock, 0.0)
 
-    def connect(self) -> None:
-        """Check that a wheel answers and how many slots it has; moves nothing.
+    def connect(self) -> tuple[str, ...]:
+        """Check that a wheel answers and how many slots it has, and switch its sensors off at rest; moves nothing.
+
+        Returns
+        -------
+        tuple of str
+            Nothing: a wheel keeps no errors.
 
         Raises
         ------
@@ -80,6 +85,8 @@ class ThorlabsFw102c:
                 not_done="the wheel was not moved",
                 to_do="correct the slots in the rig file, or the wheel's own setting (pcount)",
             )
+        self._query("sensors=0", _nothing)  # their light would be seen in every reading
+        return ()
 
     def start_select(self, slot: int) -> None:
         """Begin to bring a slot into the beam; raises LimitError, with nothing sent, for a slot the wheel has not."""
@@ -136,6 +143,12 @@ class ThorlabsFw102c:
         The answer still to come is found and dropped by the next question.
         """
         self._target = None
+
+    def reconnect(self) -> None:
+        """Open the port afresh, once; raises NotConnectedError. A motion under way ends by itself."""
+        self._target = None
+        self._in_step = False
+        self._link.reconnect()
 
     def close(self) -> None:
         """Close the port."""

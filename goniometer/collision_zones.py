@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from typing import Annotated, Self
 
 from pydantic import Field, model_validator
@@ -11,6 +12,7 @@ from pydantic import Field, model_validator
 from acquisition.expand import Step, Target
 from acquisition.section import Section, SectionFault, refuse_all
 from drivers.collision_zones import ArmsTooClose, Box, Span, Zone, free_order
+from drivers.travel import Travel
 from goniometer.rig_devices.entry import ROLES, Angle, Role
 
 Range = Annotated[tuple[Angle, Angle], Field(strict=False)]
@@ -54,14 +56,55 @@ class ZoneEntry(Section):
         return Box(self.ranges_deg()) if self.arms_closer_than_deg is None else ArmsTooClose(self.arms_closer_than_deg)
 
 
-def first_blocked(steps: Sequence[Step], zones: Sequence[Zone]) -> tuple[Target, Target] | None:
-    """The first two places of a scan between which no order of moves keeps out of the zones; None when all are free."""
+@dataclass(frozen=True)
+class _WithinTolerance:
+    """A zone, and all around it from where an axis that stops somewhere within its tolerance may be in it."""
+
+    zone: Zone
+    tolerances_deg: Mapping[str, float]
+
+    def is_entered(self, spans: Mapping[str, Span]) -> bool:
+        """Whether the zone can be entered from the spans."""
+        wider: dict[str, Span] = {}
+        for role, tolerance_deg in self.tolerances_deg.items():
+            low_deg, high_deg = spans[role]
+            wider[role] = low_deg - tolerance_deg, high_deg + tolerance_deg
+        return self.zone.is_entered(wider)
+
+    def describe(self) -> str:
+        """The zone, in words."""
+        return self.zone.describe()
+
+
+def first_blocked(
+    steps: Sequence[Step], zones: Sequence[Zone], travels: Mapping[Role, Travel]
+) -> tuple[Target, Target] | None:
+    """The first two places of a scan between which no order of moves keeps out of the zones; None when all are free.
+
+    Where the bench will stand before the first place is not known: every axis is taken to reach it from above. Later
+    moves are taken to approach from below too, also where a short step up needs no approach: the way there was free.
+
+    Parameters
+    ----------
+    steps : sequence of Step
+        The scan.
+    zones : sequence of Zone
+        What no path may enter, nor come so close to that an axis within its tolerance may be in it.
+    travels : mapping of str to Travel
+        How the axes move, by role.
+    """
     if not zones:
         return None
+    tolerances_deg: dict[str, float] = {role: travels[role].tolerance_deg for role in ROLES}
+    zones = [_WithinTolerance(zone, tolerances_deg) for zone in zones]
     places = [step.target for step in steps]
-    for here, there in itertools.pairwise([*places[:1], *places]):
+    for number, (here, there) in enumerate(itertools.pairwise([*places[:1], *places])):
         standing_deg, going_deg = here.axes_deg, there.axes_deg
-        ways = {role: (angle_deg, going_deg[role]) for role, angle_deg in standing_deg.items()}
+        ways: dict[str, list[float]] = {
+            role: travels[role].way_deg(standing_deg[role], going_deg[role], came_from_below=False)
+            for role in ROLES
+            if number == 0 or going_deg[role] != standing_deg[role]
+        }
         if free_order(zones, standing_deg, ways) is None:
             return here, there
     return None

@@ -11,7 +11,16 @@ from contextlib import contextmanager
 from types import TracebackType
 from typing import Literal, Self, TextIO
 
-from acquisition.events import DirectionChosen, Event, FitRefused, FitUpdated, PointReduced, ScanStarted, Subscriber
+from acquisition.events import (
+    DirectionChosen,
+    Event,
+    FitRefused,
+    FitUpdated,
+    LinkRestored,
+    PointReduced,
+    ScanStarted,
+    Subscriber,
+)
 from acquisition.readings import StokesPoint
 from goniometer.durations import clock_text
 from goniometer.fitting.summary import fit_summary, parameter_rows
@@ -89,6 +98,8 @@ class PlainConsole:
                 self._say(f"{event.recipe}: {event.aim or about} on the bench's clock, into {event.run}")
                 for note in event.notes:
                     self._say(f"  note: {note}")
+            case LinkRestored():
+                self._say(f"  note: {event}")
             case PointReduced():
                 self._say(self._point(event.stokes_point))
             case FitUpdated() if self._is_fit_line_due(event.points):

@@ -6,7 +6,7 @@
     ├── ConfigurationError (ValueError)      a recipe, rig or scene that cannot be used; lists every fault
     ├── DeviceError                          one device, named in every message
     │   ├── NotConnectedError (ConnectionError)   the port cannot be opened, or the link is gone
-    │   ├── ReplyTimeoutError (TimeoutError)      no answer, or motion not finished, within the deadline
+    │   ├── ReplyTimeoutError (TimeoutError)      no answer within the deadline
     │   ├── ReplyError (ValueError)               an answer that cannot be what was asked for
     │   ├── DeviceFaultError (RuntimeError)       the device itself reports a fault
     │   ├── LimitError (ValueError)               a move outside the limits; refused before the first byte
@@ -68,7 +68,7 @@ class NotConnectedError(DeviceError, ConnectionError):
 
 
 class ReplyTimeoutError(DeviceError, TimeoutError):
-    """No answer, or a motion that has not ended, within the deadline."""
+    """No answer within the deadline."""
 
 
 class ReplyError(DeviceError, ValueError):

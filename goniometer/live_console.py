@@ -14,7 +14,7 @@ from rich.progress_bar import ProgressBar
 from rich.table import Table
 from rich.text import Text
 
-from acquisition.events import Event, ScanStarted
+from acquisition.events import Event, LinkRestored, ScanStarted
 from goniometer.durations import clock_text
 from goniometer.fitting.remarks import remarks
 from goniometer.fitting.summary import model_name, parameter_rows, quality, table_lines
@@ -55,6 +55,8 @@ class LiveConsole:
         if isinstance(event, ScanStarted):
             for note in event.notes:
                 self._console.print(Text(f"note: {note}", style="yellow"))
+        elif isinstance(event, LinkRestored):
+            self._console.print(Text(f"note: {event}", style="yellow"))
 
     def __enter__(self) -> Self:
         self._live.start()

@@ -5,6 +5,7 @@ from __future__ import annotations
 import struct
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Protocol
 
 READ_COILS, READ_INPUTS, READ_REGISTERS = 1, 2, 3
@@ -44,6 +45,7 @@ class Request:
         return message.startswith(self.answer_start) and len(message) == self.answer_length
 
 
+@lru_cache(256)
 def read_request(function: int, address: int, count: int) -> Request:
     """Ask for `count` coils (function 1), inputs (2) or registers (3) from `address` on."""
     data_bytes = 2 * count if function == READ_REGISTERS else (count + 7) // 8
@@ -99,8 +101,7 @@ class RtuFraming:
 
     def wrap(self, unit: int, message: bytes) -> bytes:
         """Return the frame of a message to a unit."""
-        frame = bytes((unit,)) + message
-        return frame + struct.pack("<H", crc16(frame))
+        return _rtu_frame(unit, message)
 
     def take(self, received: bytearray, unit: int) -> bytes | None:
         """Remove the next frame from this unit and all before it; return its message, or None for "need more"."""
@@ -147,6 +148,12 @@ class TcpFraming:
             if (transaction, answering) == (self._transaction, unit):
                 return message
         return None
+
+
+@lru_cache(256)
+def _rtu_frame(unit: int, message: bytes) -> bytes:
+    frame = bytes((unit,)) + message
+    return frame + struct.pack("<H", crc16(frame))
 
 
 def _rtu_length(received: bytearray, start: int) -> int | None:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import time
 from functools import partial
 
-from drivers.clock import Clock
 from drivers.modbus.frames import Framing, RtuFraming, TcpFraming
 from drivers.wire.link import Link
 from drivers.wire.ports import TCP_SCHEMES
@@ -31,8 +30,6 @@ class ModbusPort:
         ``"E"`` even, ``"O"`` odd or ``"N"`` none; without effect over TCP.
     reply_timeout_s : float
         Longest wait for one answer, in real seconds.
-    clock : Clock, optional
-        Counts the pauses between attempts to connect again; real time when not given.
     wire_log : WireLog, optional
         Where every byte is written down; nowhere when not given.
     """
@@ -45,7 +42,6 @@ class ModbusPort:
         baudrate: int = 115200,
         parity: str = "E",
         reply_timeout_s: float = 1.0,
-        clock: Clock | None = None,
         wire_log: WireLog | None = None,
     ) -> None:
         self.address = address
@@ -57,7 +53,6 @@ class ModbusPort:
             baudrate=baudrate,
             parity=parity,
             reply_timeout_s=reply_timeout_s,
-            clock=clock,
             wire_log=wire_log,
         )
         self._link: Link | None = None

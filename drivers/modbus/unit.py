@@ -78,7 +78,7 @@ class ModbusUnit:
 
     def reopen(self) -> None:
         """Close the port and open it again, once, for all its units; raises NotConnectedError."""
-        self.open().reopen()
+        self.open().reconnect()
 
     def read_coils(self, address: int, number: int) -> list[bool]:
         """Read coils (function 1)."""

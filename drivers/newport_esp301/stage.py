@@ -7,6 +7,7 @@ from typing import TypeVar
 
 from drivers.clock import Clock
 from drivers.newport_esp301.errors import ControllerError, parse_error
+from drivers.same_device import same_device
 from drivers.wire.line_dialogue import LineDialogue
 from drivers.wire.link import Link
 from drivers.wire.reply_text import number, switch, unusable, whole_number
@@ -75,8 +76,8 @@ class NewportEsp301:
         self.send(f"{number}ST")
 
     def reconnect(self) -> None:
-        """Open the port afresh; raises NotConnectedError."""
-        self._link.reopen()
+        """Open the port afresh, once; raises NotConnectedError."""
+        self._link.reconnect()
         self._dialogue.begin()
 
     def raise_errors(self, not_done: str, *, aborted: int | None = None) -> None:
@@ -129,6 +130,7 @@ class Esp301Stage:
         self._number = number
         self._under_way = ""
         self._is_stopped = False
+        self._model = ""
 
     def connect(self) -> tuple[str, ...]:
         """Check the stage and its unit, set velocity and acceleration, switch the motor on; moves nothing.
@@ -136,7 +138,9 @@ class Esp301Stage:
         Raises
         ------
         DeviceFaultError
-            When there is no stage, its unit is not the degree, or the controller refuses a setting.
+            When there is no stage, its unit is not the degree, or the controller refuses a setting; when it is called
+            again, also for another stage, and for a motor that is off: its controller was reset and counts from where
+            it stands.
         """
         try:
             model = self._query("ID?", _stage_model)
@@ -158,6 +162,9 @@ class Esp301Stage:
                 not_done="nothing was set and nothing was moved",
                 to_do="check the axis number in the rig file, or set the unit in the controller",
             )
+        if self._model:
+            self._require_power(not_done="the axis was not set up again")
+        self._model = same_device(self.name, self._model, model)
         self._send(f"VA{self.velocity_deg_s:.6f}")
         self._send(f"AC{self.acceleration_deg_s2:.6f}")
         self._send(f"AG{self.acceleration_deg_s2:.6f}")
@@ -231,7 +238,8 @@ class Esp301Stage:
 
 
 def _stage_model(device: str, question: str, answer: str) -> str:
-    """Read ``URS100CC, SN1234``: the model, empty when there is no stage."""
-    if answer and "," not in answer:
+    """Read ``URS100CC, SN1234``: model and serial number; empty when there is no stage."""
+    model, comma, _ = answer.partition(",")
+    if answer and not comma:
         raise unusable(device, question, answer, "a stage's model and serial number")
-    return answer.split(",")[0].strip()
+    return answer if model.strip() else ""

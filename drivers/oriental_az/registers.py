@@ -15,14 +15,17 @@ class AzRegisters:
     communication_error: int = 0x00AC
     command_position: int = 0x00C6
     feedback_position: int = 0x00CC
+    alarm_reset: int = 0x0180  # resets when 1 follows 0
 
     input_return_home: int = 1 << 4
     input_stop: int = 1 << 5
+    output_home_end: int = 1 << 4
     output_ready: int = 1 << 5
     output_move: int = 1 << 13
     output_in_position: int = 1 << 14
 
 
+HOME_NOT_SET = 0x4A
 ALARMS = {
     0x10: "position deviation",
     0x20: "over-current",
@@ -33,7 +36,7 @@ ALARMS = {
     0x28: "sensor error",
     0x30: "overload",
     0x31: "over-speed",
-    0x4A: "home is not set",
+    HOME_NOT_SET: "home is not set",
     0x60: "both limit sensors active",
     0x66: "hardware over-travel",
     0x67: "software over-travel",

@@ -62,7 +62,8 @@ class SmcLecController:
     def motion(self) -> LecMotion:
         """Ask where it is and where it goes."""
         words = self._modbus.read_registers(self._at.present, 6)
-        return LecMotion(int32s(words[:2])[0], words[2], int32s(words[4:])[0])
+        position, target = int32s([*words[:2], *words[4:]])
+        return LecMotion(position, words[2], target)
 
     def begin_homing(self) -> None:
         """Return to origin, from the moment this is sent."""

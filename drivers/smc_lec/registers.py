@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class LecRegisters:
-    """Addresses of coils, inputs and holding registers, and four words that differ between firmwares."""
+    """Addresses of coils, inputs and holding registers, and what differs between firmwares."""
 
     coil_hold: int = 0x18
     coil_servo_on: int = 0x19

@@ -37,6 +37,8 @@ class SmcLec:
         Of every motion; the controller holds whole numbers from 1 to 65535.
     registers : LecRegisters, optional
         What the firmware expects, where it is not the usual one.
+    may_reset_alarm : bool
+        Whether `connect` resets an alarm. For a person who asks for homing and looks on; a scan does not.
 
     Raises
     ------
@@ -55,6 +57,7 @@ class SmcLec:
         velocity_deg_s: float,
         acceleration_deg_s2: float,
         registers: LecRegisters | None = None,
+        may_reset_alarm: bool = False,
     ) -> None:
         faults = [
             f"{name}: {key} is {value:g}; allowed: whole numbers from 1 to {_FASTEST}, as the controller holds them"
@@ -66,6 +69,7 @@ class SmcLec:
         self.name, self.velocity_deg_s, self.acceleration_deg_s2 = name, velocity_deg_s, acceleration_deg_s2
         self._modbus, self._clock = modbus, clock
         self._lec = SmcLecController(modbus, clock, name=name, registers=registers or LecRegisters())
+        self._may_reset_alarm = may_reset_alarm
         self._doing = _Doing.NOTHING
         self._intention = "nothing was moved"
         self._target = 0
@@ -83,7 +87,8 @@ class SmcLec:
         Raises
         ------
         DeviceFaultError
-            When the emergency stop is pressed, the alarm stays, or the servo stays off.
+            When the emergency stop is pressed, there is an alarm that may not be reset, or stays, or the servo stays
+            off.
         """
         notes = []
         self._intention = "the stage was not set up"
@@ -92,6 +97,8 @@ class SmcLec:
         if status.emergency_stop:
             raise self._emergency_stop()
         if status.alarm:
+            if not self._may_reset_alarm:
+                raise self._alarm()
             self._lec.reset_alarm()
             notes.append("an alarm, which was reset")
         if self._lec.is_held() and self._lec.end_hold():
@@ -198,10 +205,7 @@ class SmcLec:
         if status.emergency_stop:
             raise self._emergency_stop()
         if status.alarm:
-            raise self._fault(
-                "the controller has an alarm",
-                "read the alarm from the controller, remove its cause, then start again, which resets it",
-            )
+            raise self._alarm()
         if not status.servo_ready:
             raise self._fault("its servo is off", "look whether the controller was switched off and on; start again")
         return status
@@ -212,6 +216,13 @@ class SmcLec:
                 "it does not know its origin: the controller was switched off, or the table never homed",
                 f"clear the way of the table, then: goniometer home --axis {self.name}",
             )
+
+    def _alarm(self) -> DeviceFaultError:
+        return self._fault(
+            "the controller has an alarm",
+            f"read the alarm from the controller, remove its cause, then: goniometer home --axis {self.name}, which "
+            "resets it",
+        )
 
     def _emergency_stop(self) -> DeviceFaultError:
         return self._fault("its emergency stop is pressed", "see that all is safe, release it, then start again")

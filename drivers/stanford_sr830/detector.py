@@ -7,6 +7,7 @@ import math
 from enum import Enum, auto
 
 from drivers.clock import Clock
+from drivers.same_device import same_device
 from drivers.stanford_sr830.lock_in import LEAST_SENSITIVE, Condition, Settings, Sr830LockIn
 from drivers.wire.link import Link
 from goniometer.errors import DeviceFaultError, LimitError, ReplyError
@@ -44,7 +45,7 @@ class StanfordSr830:
     noise_w : float
         Standard deviation of the noise of one sample, in W; light of twenty times as much tells the phase.
     settings : Settings
-        Output filter and reference that the lock-in is given, and must keep.
+        What the lock-in is given, and must keep.
     raises_sensitivity : bool
         Whether a reading that overloads the output is begun again at the next larger full scale.
 
@@ -72,24 +73,34 @@ class StanfordSr830:
         self._responsivity_v_per_w, self._raises_sensitivity = responsivity_v_per_w, raises_sensitivity
         self._settings, self._bright_v = settings, _BRIGHT * noise_w * responsivity_v_per_w
         self._light_v = complex(0.0)
+        self._says = ""
         self._doing = _Doing.NOTHING
         self._exposure_s = self._begun_s = self._next_s = 0.0
         self._samples_v: list[complex] = []
-        self._trouble = Condition(0)
+        self._trouble, self._has_settled_again = Condition(0), False
         link.on_reopen(self._forget)
 
     def connect(self) -> tuple[str, ...]:
-        """Check that an SR830 or SR810 answers on this port; set its output filter and its reference.
+        """Check that an SR830 or SR810 answers on this port; give it its settings.
 
         Returns
         -------
         tuple of str
-            Overloads and losses of the reference that the lock-in remembers from earlier use.
+            Overloads and losses of the reference that the lock-in remembers from earlier use, and the settings that it
+            had and that were changed.
+
+        Raises
+        ------
+        DeviceFaultError
+            When it is another lock-in than the last time.
         """
         self._lock_in.begin()
+        self._says = same_device(self.name, self._says, self._lock_in.identity())
         left_over = self._lock_in.condition() & (_SATURATED | Condition.UNLOCKED)
-        self._lock_in.set(self._settings)
-        return tuple(_words(left_over))
+        changed = [f"{setting}, which was changed" for setting in self._lock_in.set(self._settings)]
+        if changed:
+            self._light_v = complex(0.0)  # one that was reset may have another phase
+        return (*_words(left_over), *changed)
 
     def start_reading(self, exposure_s: float) -> None:
         """Begin a reading, whose samples will be taken over `exposure_s`, once the output filter has settled.
@@ -99,7 +110,7 @@ class StanfordSr830:
         LimitError
             When the exposure is no positive number; nothing is sent.
         DeviceFaultError
-            When filter or reference are no longer those that were set.
+            When its settings are no longer those that it was given.
         """
         if not 0 < exposure_s < math.inf:
             raise LimitError(
@@ -148,7 +159,7 @@ class StanfordSr830:
 
     def reconnect(self) -> None:
         """Open the port afresh, once; a reading that was being taken is given up. Raises NotConnectedError."""
-        self._link.reopen()
+        self._link.reconnect()
 
     def close(self) -> None:
         """Close the port."""
@@ -158,10 +169,11 @@ class StanfordSr830:
         self._forget()
         begun_s = self._clock.now()
         self._lock_in.condition()  # what happened before this reading is no fault of it
-        if (held := self._lock_in.settings()) != self._settings:
+        if others := (held := self._lock_in.settings()).others(self._settings):
             raise DeviceFaultError(
                 self.name,
-                f"the lock-in was reset, or set otherwise at its front panel: {held}; the rig says {self._settings}",
+                f"the lock-in was reset, or set otherwise at its front panel: {', '.join(others)}; it was given "
+                f"{self._settings}",
                 not_done="the reading was not begun",
                 to_do="leave the front panel alone during a scan, check its power supply, and run the recipe again",
             )
@@ -169,8 +181,13 @@ class StanfordSr830:
         self._doing = _Doing.SETTLING
 
     def _begin_averaging(self) -> None:
-        # light that has just become dark may have overloaded the lock-in, but it has settled since
-        self._trouble = self._lock_in.condition() & _DISTURBED
+        condition = self._lock_in.condition()
+        if condition & _SATURATED and not self._has_settled_again:
+            # at some time since, perhaps just now
+            self._has_settled_again = True
+            self._next_s = self._clock.now() + self._settings.settling_s
+            return
+        self._trouble = condition & (_DISTURBED | _SATURATED)
         self._begun_s = self._next_s = self._clock.now()
         self._doing = _Doing.AVERAGING
 
@@ -203,6 +220,7 @@ class StanfordSr830:
 
     def _forget(self) -> None:
         self._doing, self._samples_v, self._trouble = _Doing.NOTHING, [], Condition(0)
+        self._has_settled_again = False
 
     def _spoilt(self) -> DeviceFaultError:
         saturated = "the detector was saturated: " if self._trouble & _SATURATED else ""

@@ -14,12 +14,15 @@ TIME_CONSTANTS_S = tuple(float(f"{digit}e{power}") for power in range(-5, 5) for
 """10 us, 30 us, 100 us ... 30 ks."""
 
 SLOPES_DB = (6, 12, 18, 24)
+INPUTS = ("A", "A-B", "I with 1 MOhm", "I with 100 MOhm")
+_HIGHEST_HARMONIC = 19_999
 # Until all but 1e-4 of a step has passed, for each slope: exp(-n) (1 + n + n^2/2 ...) with as many terms as there are
 # stages. To 99 % it takes 5 to 10, but then the light of the last slot would be seen in every reading.
 _SETTLING_TIME_CONSTANTS = (9.3, 11.8, 14.0, 16.0)
 _EXTERNAL, _INTERNAL = 0, 1
 _ANSWERS_TO_SERIAL_PORT = "OUTX 0"
 _SAMPLE = "SNAP? 3,4,9"
+_OFFSET = "OEXP? 3"
 
 
 @dataclass(frozen=True)
@@ -41,17 +44,42 @@ class Settings:
         Of the low-pass filter behind the demodulator: one of `TIME_CONSTANTS_S`.
     slope_db : int
         Its slope, in dB an octave: one of `SLOPES_DB`.
+    input : str
+        Where the signal comes in: one of `INPUTS`.
     follows_chopper : bool
         Whether the reference is the external one.
+    harmonic : int
+        The multiple of the reference that is detected.
+    offset_percent : float
+        Of full scale, what is subtracted from the magnitude.
     """
 
     time_constant_s: float
     slope_db: int
+    input: str = "A"
     follows_chopper: bool = True
+    harmonic: int = 1
+    offset_percent: float = 0.0
 
     def __str__(self) -> str:
-        reference = "external" if self.follows_chopper else "internal"
-        return f"time constant {self.time_constant_s:g} s, slope {self.slope_db} dB, {reference} reference"
+        return ", ".join(self.commands.values())
+
+    @property
+    def commands(self) -> dict[str, str]:
+        """What each of them is, in words, by the command that sets it."""
+        reference = _EXTERNAL if self.follows_chopper else _INTERNAL
+        return {
+            f"OFLT {TIME_CONSTANTS_S.index(self.time_constant_s)}": f"time constant {self.time_constant_s:g} s",
+            f"OFSL {SLOPES_DB.index(self.slope_db)}": f"slope {self.slope_db} dB",
+            f"ISRC {INPUTS.index(self.input)}": f"input {self.input}",
+            f"FMOD {reference}": f"{'external' if self.follows_chopper else 'internal'} reference",
+            f"HARM {self.harmonic}": f"harmonic {self.harmonic}",
+            f"OEXP 3,{self.offset_percent:g},0": f"offset of R {self.offset_percent:g} %",
+        }
+
+    def others(self, wanted: Settings) -> list[str]:
+        """What is not as wanted, in words."""
+        return [words for command, words in self.commands.items() if command not in wanted.commands]
 
     @property
     def settling_s(self) -> float:
@@ -77,6 +105,14 @@ def parse_sample(device: str, answer: str) -> Sample:
     if len(fields) != 3:
         raise unusable(device, _SAMPLE, answer, "three numbers with commas between")
     return Sample(*(number(device, _SAMPLE, field.strip()) for field in fields))
+
+
+def parse_offset(device: str, answer: str) -> float:
+    """Read the offset in an answer to ``OEXP? 3`` such as ``-12.5,0``, in percent; raises ReplyError otherwise."""
+    fields = answer.split(",")
+    if len(fields) != 2:
+        raise unusable(device, _OFFSET, answer, "two numbers with a comma between")
+    return number(device, _OFFSET, fields[0].strip())
 
 
 def parse_condition(device: str, answer: str) -> Condition:
@@ -113,25 +149,31 @@ class Sr830LockIn:
         """Have the answers sent to this port, and the identity proven before the next question."""
         self._dialogue.begin()
 
+    def identity(self) -> str:
+        """What it says of itself, with its serial number."""
+        return self._dialogue.identity()
+
     def settings(self) -> Settings:
-        """Ask for the output filter and the reference."""
+        """Ask for the filter, the input, the reference, the harmonic and the offset."""
         return Settings(
             TIME_CONSTANTS_S[self._index("OFLT?", len(TIME_CONSTANTS_S) - 1)],
             SLOPES_DB[self._index("OFSL?", len(SLOPES_DB) - 1)],
+            INPUTS[self._index("ISRC?", len(INPUTS) - 1)],
             self._index("FMOD?", 1) == _EXTERNAL,
+            self._index("HARM?", _HIGHEST_HARMONIC),
+            self._dialogue.query(_OFFSET, lambda answer: parse_offset(self._name, answer), safe_to_repeat=True),
         )
 
-    def set(self, wanted: Settings) -> None:
-        """Set what differs; raises ReplyError when the lock-in holds something else afterwards."""
+    def set(self, wanted: Settings) -> list[str]:
+        """Set what differs and return what it was, in words; raises ReplyError when it holds something else then."""
         held = self.settings()
-        if held.time_constant_s != wanted.time_constant_s:
-            self._dialogue.tell(f"OFLT {TIME_CONSTANTS_S.index(wanted.time_constant_s)}")
-        if held.slope_db != wanted.slope_db:
-            self._dialogue.tell(f"OFSL {SLOPES_DB.index(wanted.slope_db)}")
-        if held.follows_chopper != wanted.follows_chopper:
-            self._dialogue.tell(f"FMOD {_EXTERNAL if wanted.follows_chopper else _INTERNAL}")
-        if held != wanted and (held := self.settings()) != wanted:
-            raise unusable(self._name, "OFLT?, OFSL? and FMOD?", str(held), f"what was just set ({wanted})")
+        changed = held.others(wanted)
+        for command in wanted.commands:
+            if command not in held.commands:
+                self._dialogue.tell(command)
+        if changed and (now := self.settings()).others(wanted):
+            raise unusable(self._name, "OFLT? ... OEXP?", str(now), f"what was just set ({wanted})")
+        return changed
 
     def sensitivity(self) -> int:
         """Ask for the index of the full scale, 0 (2 nV) to 26 (1 V)."""

@@ -8,18 +8,22 @@ from typing import TypeVar
 from drivers.thorlabs_apt.messages import (
     ACK_DC_STATUS,
     CHANNEL,
+    GET_BACKLASH,
     GET_BAY_USED,
     GET_CHANNEL_ENABLED,
     GET_DC_STATUS,
+    GET_HOME_SETTINGS,
     GET_INFO,
     GET_STATUS,
     GET_VELOCITY,
     MOVE_HOME,
     MOVE_STOP,
     RACK,
+    REQ_BACKLASH,
     REQ_BAY_USED,
     REQ_CHANNEL_ENABLED,
     REQ_DC_STATUS,
+    REQ_HOME_SETTINGS,
     REQ_INFO,
     REQ_STATUS,
     REQ_VELOCITY,
@@ -28,8 +32,12 @@ from drivers.thorlabs_apt.messages import (
     STOP_UPDATES,
     Message,
     Velocity,
+    backlash_of,
+    home_offset_of,
     model_of,
     move_absolute,
+    serial_number_of,
+    set_backlash,
     set_velocity,
     short_message,
     status_of,
@@ -62,10 +70,13 @@ class AptChannel:
         self._port, self._name, self._bay, self._has_dc_motor = port, name, bay, has_dc_motor
         self._address = SINGLE_UNIT if bay is None else 0x20 + bay
 
-    def model(self) -> str:
-        """The controller's model, such as ``K10CR1``; of a rack, the rack's."""
+    def identity(self) -> tuple[str, int]:
+        """The controller's model, such as ``K10CR1``, and its serial number; of a rack, the rack's."""
         unit = SINGLE_UNIT if self._bay is None else RACK
-        return self._port.request(self._name, unit, short_message(REQ_INFO, unit), GET_INFO, model_of)
+        question = short_message(REQ_INFO, unit)
+        return self._port.request(
+            self._name, unit, question, GET_INFO, lambda info: (model_of(info), serial_number_of(info))
+        )
 
     def is_present(self) -> bool:
         """Whether the rack says that there is something in this bay; true of a unit of its own."""
@@ -84,6 +95,15 @@ class AptChannel:
         """Set velocity and acceleration; returns what the controller then has."""
         self._send(set_velocity(self._address, velocity))
         return self._ask(REQ_VELOCITY, GET_VELOCITY, velocity_of)
+
+    def set_backlash(self, counts: int) -> int:
+        """Set how far the controller goes below a target that it comes to from above; returns what it then has."""
+        self._send(set_backlash(self._address, counts))
+        return self._ask(REQ_BACKLASH, GET_BACKLASH, backlash_of)
+
+    def home_offset(self) -> int:
+        """How far from its switch the zero lies, in counts."""
+        return self._ask(REQ_HOME_SETTINGS, GET_HOME_SETTINGS, home_offset_of)
 
     def status(self) -> AptStatus:
         """Position and status bits."""
@@ -110,7 +130,7 @@ class AptChannel:
         self._send(short_message(MOVE_STOP, self._address, CHANNEL, _PROFILED))
 
     def reconnect(self) -> None:
-        """Open the port afresh; raises NotConnectedError."""
+        """Open the port afresh, once; raises NotConnectedError."""
         self._port.reconnect()
 
     def close(self) -> None:

@@ -18,6 +18,8 @@ REQ_BAY_USED, GET_BAY_USED = 0x0060, 0x0061
 FAULT, RICH_FAULT = 0x0080, 0x0081
 SET_CHANNEL_ENABLED, REQ_CHANNEL_ENABLED, GET_CHANNEL_ENABLED = 0x0210, 0x0211, 0x0212
 SET_VELOCITY, REQ_VELOCITY, GET_VELOCITY = 0x0413, 0x0414, 0x0415
+SET_BACKLASH, REQ_BACKLASH, GET_BACKLASH = 0x043A, 0x043B, 0x043C
+REQ_HOME_SETTINGS, GET_HOME_SETTINGS = 0x0441, 0x0442
 MOVE_HOME = 0x0443
 MOVE_ABSOLUTE = 0x0453
 MOVE_STOP = 0x0465
@@ -35,6 +37,8 @@ _RICH_RESPONSE = struct.Struct("<HH64s")
 _STATUS = struct.Struct("<HiiI")
 _DC_STATUS = struct.Struct("<HiHHI")
 _VELOCITY = struct.Struct("<Hiii")
+_BACKLASH = struct.Struct("<Hi")
+_HOME_SETTINGS = struct.Struct("<HHHii")
 
 
 class Garbled(ValueError):
@@ -103,6 +107,11 @@ def set_velocity(address: int, velocity: Velocity) -> bytes:
     return long_message(SET_VELOCITY, address, _VELOCITY.pack(CHANNEL, 0, velocity.acceleration, velocity.velocity))
 
 
+def set_backlash(address: int, counts: int) -> bytes:
+    """Make the message that sets how far the controller goes below a target that it comes to from above."""
+    return long_message(SET_BACKLASH, address, _BACKLASH.pack(CHANNEL, counts))
+
+
 def move_absolute(address: int, counts: int) -> bytes:
     """Make the message that begins a move; raises struct.error for counts of more than 32 bits."""
     return long_message(MOVE_ABSOLUTE, address, struct.pack("<Hi", CHANNEL, counts))
@@ -113,11 +122,30 @@ def model_of(info: Message) -> str:
     return _text(_unpack(_INFO, info)[1])
 
 
+def serial_number_of(info: Message) -> int:
+    """The serial number in the same answer."""
+    return int(_unpack(_INFO, info)[0])
+
+
 def velocity_of(message: Message) -> Velocity:
     """Acceleration and highest velocity in an answer to REQ_VELOCITY."""
     channel, _, acceleration, velocity = _unpack(_VELOCITY, message)
     _require_channel(channel)
     return Velocity(acceleration, velocity)
+
+
+def backlash_of(message: Message) -> int:
+    """Backlash in counts, in an answer to REQ_BACKLASH."""
+    channel, counts = _unpack(_BACKLASH, message)
+    _require_channel(channel)
+    return int(counts)
+
+
+def home_offset_of(message: Message) -> int:
+    """How far from its switch the zero lies, in counts, in an answer to REQ_HOME_SETTINGS."""
+    channel, _, _, _, counts = _unpack(_HOME_SETTINGS, message)
+    _require_channel(channel)
+    return int(counts)
 
 
 def status_of(message: Message) -> tuple[int, int]:

@@ -85,7 +85,7 @@ class AptPort:
         return tuple(self._reports.pop(address, ()))
 
     def reconnect(self) -> None:
-        """Open the port afresh; raises NotConnectedError."""
+        """Open the port afresh, once; raises NotConnectedError."""
         self._link.reconnect()
 
     def close(self) -> None:

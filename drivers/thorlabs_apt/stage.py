@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from drivers.clock import Deadline
+from drivers.home_offset import HomeOffset
+from drivers.same_device import same_device
 from drivers.thorlabs_apt.channel import AptChannel
 from drivers.thorlabs_apt.port import AptPort
 from drivers.thorlabs_apt.stage_models import APT_STAGES
@@ -43,6 +45,8 @@ class ThorlabsApt:
         Speed and acceleration of every move.
     bay : int or None
         The bay of a BSC20x, from 1; None for a controller of its own.
+    home_offset_deg : float or None
+        The home offset that the controller must have; None for whichever it has.
     """
 
     reports_in_motion = True
@@ -56,30 +60,38 @@ class ThorlabsApt:
         velocity_deg_s: float,
         acceleration_deg_s2: float,
         bay: int | None = None,
+        home_offset_deg: float | None = None,
     ) -> None:
         self.name, self.velocity_deg_s, self.acceleration_deg_s2 = name, velocity_deg_s, acceleration_deg_s2
         self._stage, self._clock, self._bay = APT_STAGES[stage], port.clock, bay
         self._channel = AptChannel(port, name, bay=bay, has_dc_motor=self._stage.has_dc_motor)
+        self._home_offset = HomeOffset(name, home_offset_deg)
         self._motion: _Motion | None = None
+        self._identity = ""
 
     def connect(self) -> tuple[str, ...]:
         """Check the controller, switch its channel on, and set velocity and acceleration; moves nothing.
 
+        Play is the axis' affair (`drivers.axis`), which knows what may be in the way: the controller's own correction
+        of backlash, which goes below the target, is switched off.
+
         Returns
         -------
         tuple of str
-            The faults that the controller reports already.
+            The faults that the controller reports already, and its home offset.
 
         Raises
         ------
         DeviceFaultError
-            When it is another controller, the bay is empty, or a setting was not taken.
+            When it is another controller, also than the last time, the bay is empty, a setting was not taken, or the
+            home offset is another.
         """
         not_done, in_rig_file = "the stage was not set up", "check the port, the stage and the bay in the rig file"
-        model = self._channel.model()
+        model, serial_number = self._channel.identity()
         if model not in self._stage.controllers:
             expected = " or ".join(self._stage.controllers)
             raise self._fault(f"the controller is a {model!r}, not a {expected}", not_done, in_rig_file)
+        self._identity = same_device(self.name, self._identity, f"{model} {serial_number}")
         if not self._channel.is_present():
             raise self._fault(f"bay {self._bay} of the {model} is empty", not_done, in_rig_file)
         if not self._channel.enable():
@@ -93,7 +105,16 @@ class ThorlabsApt:
                 not_done,
                 "set velocity_deg_s and acceleration_deg_s2 in the rig file to what the stage can do",
             )
-        return self._channel.status().faults + self._channel.take_reports()
+        if backlash := self._channel.set_backlash(0):
+            raise self._fault(
+                f"the controller keeps a backlash correction of {self._degrees(backlash):g} degrees, by which it would "
+                "go below every target",
+                not_done,
+                "set its backlash to 0 with the maker's software, and backlash_deg in the rig file to what the gear "
+                "needs",
+            )
+        notes = self._home_offset.check(self._degrees(self._channel.home_offset()))
+        return self._channel.status().faults + self._channel.take_reports() + notes
 
     def is_homed(self) -> bool:
         """Whether the controller says that its stage was homed since it was switched on."""
@@ -170,7 +191,7 @@ class ThorlabsApt:
         self._channel.status()
 
     def reconnect(self) -> None:
-        """Open the port afresh; raises NotConnectedError."""
+        """Open the port afresh, once; raises NotConnectedError."""
         self._channel.reconnect()
 
     def close(self) -> None:

@@ -42,6 +42,7 @@ class ElliptecBus:
     def __init__(self, link: Link, clock: Clock) -> None:
         self.unsolicited = 0
         self._link, self._clock = link, clock
+        self._links: dict[str, Link] = {}
         self._queue: deque[Exchange] = deque()
         self._active: Exchange | None = None
         self._proven: set[int] = set()
@@ -67,7 +68,7 @@ class ElliptecBus:
         DeviceFaultError
             When it answers with an error.
         """
-        link = self._link.for_device(device)
+        link = self._link_of(device)
         return link.until_answered(lambda: self._finish(self.start(Exchange(device, address, letters, data))))
 
     def stop(self, device: str, address: int) -> None:
@@ -106,7 +107,7 @@ class ElliptecBus:
             raise
 
     def reconnect(self) -> None:
-        """Open the port afresh; raises NotConnectedError."""
+        """Open the port afresh, once; raises NotConnectedError."""
         self._link.reconnect()
 
     def close(self) -> None:
@@ -176,9 +177,14 @@ class ElliptecBus:
         else:
             self._queue.popleft()
         begins_afresh = exchange.is_proof or exchange.letters == "st"
-        self._link.for_device(exchange.device).write(_CLEAR * begins_afresh + exchange.packet)
+        self._link_of(exchange.device).write(_CLEAR * begins_afresh + exchange.packet)
         exchange.begin(self._clock)
         self._active = exchange
+
+    def _link_of(self, device: str) -> Link:
+        if device not in self._links:
+            self._links[device] = self._link.for_device(device)
+        return self._links[device]
 
     def _give_all_up(self, error: DeviceError) -> None:
         for exchange in (self._active, *self._queue):

@@ -17,6 +17,7 @@ _ANSWERS = {
     "gp": ("PO",),
     "gv": ("GV",),
     "gj": ("GJ",),
+    "go": ("HO",),
 }
 _ANY_STATUS = ("gs", "st")  # whatever the status, it is what was asked for, or shows that the stop has got through
 _REPLY_S = 1.0

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from drivers.same_device import same_device
 from drivers.thorlabs_elliptec.bus import ElliptecBus
 from drivers.thorlabs_elliptec.exchange import Exchange
-from drivers.thorlabs_elliptec.packets import BUSY, Packet, status_text
+from drivers.thorlabs_elliptec.packets import BUSY, Identity, Packet, identity_of, status_text
 from goniometer.errors import DeviceFaultError
 
 
@@ -28,6 +29,13 @@ class ElliptecModule:
         self._bus, self._address, self._name = bus, address, name
         self._under_way: tuple[Exchange, ...] = ()
         self._rests = False
+        self._identity = ""
+
+    def identity(self) -> Identity:
+        """What it says of itself; raises DeviceFaultError when that is another module than the last time."""
+        packet = self.query("in")
+        self._identity = same_device(self._name, self._identity, packet.data)
+        return identity_of(packet)
 
     def query(self, letters: str, data: str = "") -> Packet:
         """Wait for the answer to a packet that is safe to repeat; other modules' motions end first."""
@@ -91,7 +99,7 @@ class ElliptecModule:
         self._bus.stop(self._name, self._address)
 
     def reconnect(self) -> None:
-        """Open the bus' port afresh; raises NotConnectedError."""
+        """Open the bus' port afresh, once; raises NotConnectedError."""
         self._bus.reconnect()
 
     def close(self) -> None:

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from drivers.home_offset import HomeOffset
 from drivers.thorlabs_elliptec.bus import ElliptecBus
 from drivers.thorlabs_elliptec.module import ElliptecModule
-from drivers.thorlabs_elliptec.packets import hex_pulses, identity_of
+from drivers.thorlabs_elliptec.packets import hex_pulses
 from goniometer.errors import ConfigurationError, DeviceFaultError, LimitError
 
 _MODELS = {8: "ELL8", 14: "ELL14", 18: "ELL18"}
@@ -32,6 +33,8 @@ class ElliptecRotator:
         Speed of every move, told to the module in whole percent of 430 degrees/s; below half of it, modules may stall.
     acceleration_deg_s2 : float
         What to expect: the module has a ramp of its own.
+    home_offset_deg : float or None
+        The home offset that the module must have; None for whichever it has.
 
     Raises
     ------
@@ -42,7 +45,14 @@ class ElliptecRotator:
     reports_in_motion = False
 
     def __init__(
-        self, bus: ElliptecBus, address: int, *, name: str, velocity_deg_s: float, acceleration_deg_s2: float
+        self,
+        bus: ElliptecBus,
+        address: int,
+        *,
+        name: str,
+        velocity_deg_s: float,
+        acceleration_deg_s2: float,
+        home_offset_deg: float | None = None,
     ) -> None:
         self.name, self.velocity_deg_s, self.acceleration_deg_s2 = name, velocity_deg_s, acceleration_deg_s2
         self._module, self._address = ElliptecModule(bus, address, name), address
@@ -54,6 +64,7 @@ class ElliptecRotator:
                     f"{_FULL_VELOCITY_DEG_S:g}; allowed: 1 to 100 percent. Change it in the rig file."
                 ]
             )
+        self._home_offset = HomeOffset(name, home_offset_deg)
         self._pulses_per_turn = 0
         self._knows_home = self._is_homing = False
 
@@ -63,14 +74,15 @@ class ElliptecRotator:
         Returns
         -------
         tuple of str
-            The error that was left in the module from earlier use.
+            The error that was left in the module from earlier use, and its home offset.
 
         Raises
         ------
         DeviceFaultError
-            When the module is no rotator, or does not take the velocity.
+            When the module is no rotator, or another one than the last time, does not take the velocity, or has another
+            home offset.
         """
-        identity = identity_of(self._module.query("in"))
+        identity = self._module.identity()
         if identity.model not in _MODELS or identity.travel != _TURN_DEG or not identity.pulses:
             raise DeviceFaultError(
                 self.name,
@@ -90,7 +102,7 @@ class ElliptecRotator:
                 not_done="the module was not set up",
                 to_do="change velocity_deg_s in the rig file",
             )
-        return left_over
+        return left_over + self._home_offset.check(self._degrees(self._module.query("go").pulses))
 
     def is_homed(self) -> bool:
         """Whether the module was homed by this driver, at whatever time, and was not switched off since."""
@@ -153,7 +165,7 @@ class ElliptecRotator:
 
     def position_deg(self) -> float:
         """Where the module says it is; waits until the bus is free."""
-        return self._module.query("gp").pulses * _TURN_DEG / self._pulses_per_turn
+        return self._degrees(self._module.query("gp").pulses)
 
     def stop(self) -> None:
         """Drop a move that was not sent yet; one under way ends by itself, which `is_moving` tells."""
@@ -161,9 +173,12 @@ class ElliptecRotator:
         self._module.stop()
 
     def reconnect(self) -> None:
-        """Open the bus' port afresh; raises NotConnectedError."""
+        """Open the bus' port afresh, once; raises NotConnectedError."""
         self._module.reconnect()
 
     def close(self) -> None:
         """Close the bus' port."""
         self._module.close()
+
+    def _degrees(self, pulses: int) -> float:
+        return pulses * _TURN_DEG / self._pulses_per_turn

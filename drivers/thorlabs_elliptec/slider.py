@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from drivers.motion import stop_or_warn
 from drivers.thorlabs_elliptec.bus import ElliptecBus
 from drivers.thorlabs_elliptec.module import ElliptecModule
-from drivers.thorlabs_elliptec.packets import Packet, identity_of
+from drivers.thorlabs_elliptec.packets import Packet
 from goniometer.errors import DeviceFaultError, LimitError, PositionError
 
 _SLOTS = {9: 4, 6: 2}
@@ -45,9 +46,9 @@ class ElliptecSlider:
         Raises
         ------
         DeviceFaultError
-            When it is another module.
+            When it is another module, or another than the last time.
         """
-        model = identity_of(self._module.query("in")).model
+        model = self._module.identity().model
         if _SLOTS.get(model) != self.slots:
             raise DeviceFaultError(
                 self.name,
@@ -118,8 +119,18 @@ class ElliptecSlider:
         return self._slot_at(self._module.query("gp"))
 
     def stop(self) -> None:
-        """Begin no further step; one under way ends by itself, which `is_moving` tells."""
-        self._module.stop()
+        """Begin no further step; one under way ends by itself, which `is_moving` tells.
+
+        Raises
+        ------
+        NotConnectedError
+            When the link is gone and a fresh connection fails too.
+        """
+        stop_or_warn(self.name, self._module.stop, self.reconnect)
+
+    def reconnect(self) -> None:
+        """Open the bus' port afresh, once; raises NotConnectedError."""
+        self._module.reconnect()
 
     def close(self) -> None:
         """Close the bus' port."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 
 from drivers.wire.reply_text import unusable
 from goniometer.errors import DeviceFaultError, ReplyTimeoutError
@@ -16,6 +17,16 @@ def parse_error(device: str, line: str) -> tuple[int, str]:
     if report is None:
         raise unusable(device, "SYST:ERR?", line, "an error code and its text")
     return int(report[1]), report[2]
+
+
+def set_up_refused(device: str, refused: Sequence[str]) -> DeviceFaultError:
+    """Describe a meter that refuses what every meter with a power sensor takes."""
+    return DeviceFaultError(
+        device,
+        f"the meter refused watts and automatic range: {'; '.join(refused)}",
+        not_done="the meter was not set up",
+        to_do="check that a power sensor is plugged in",
+    )
 
 
 def saturated(device: str, answer: float) -> DeviceFaultError:
@@ -36,6 +47,18 @@ def settings_lost(device: str, question: str, held: float, expected: str) -> Dev
         "been switched off and on, or somebody has changed its settings",
         not_done="no reading was taken with other settings",
         to_do="check its power and its plug, leave its settings alone, and start again",
+    )
+
+
+def other_attenuation(device: str, held_db: float, expected_db: float) -> DeviceFaultError:
+    """Describe a meter that corrects its readings for another attenuator than the rig file names."""
+    return DeviceFaultError(
+        device,
+        f"it corrects its readings for an attenuator of {held_db:g} dB before its sensor, and the rig file says "
+        f"{expected_db:g} dB: every power would be wrong by a factor of {10 ** ((held_db - expected_db) / 10):.4g}",
+        not_done="no reading was taken, and the meter keeps its correction",
+        to_do=f"if the attenuator is in the beam, write attenuation_db: {held_db:g} for the meter into the rig file; "
+        f"if not, set the attenuation at the meter to {expected_db:g} dB",
     )
 
 

@@ -6,18 +6,21 @@ from collections.abc import Callable
 from typing import TypeVar
 
 from drivers.clock import Clock, Deadline
+from drivers.same_device import same_device
 from drivers.thorlabs_pm100 import errors
 from drivers.thorlabs_pm100.errors import parse_error
 from drivers.wire.line_dialogue import LineDialogue
 from drivers.wire.link import Link
 from drivers.wire.reply_text import number, unusable, whole_number
-from goniometer.errors import DeviceFaultError, LimitError, ReplyError, ReplyTimeoutError
+from goniometer.errors import LimitError, ReplyError, ReplyTimeoutError
 
 T = TypeVar("T")
 
 _OVER_RANGE = 9.9e37
 _READING, _AGAIN = "MEAS:POW?", "FETC?"
 _WATTS = "SENS:POW:UNIT W"
+_ATTENUATION = "SENS:CORR?"
+_SAME_DB = 0.005  # a thousandth of the power
 _MOST_ERRORS = 32
 _MOST_SAMPLES = 3000
 _FACTORY_AVERAGE = 1
@@ -37,6 +40,8 @@ class ThorlabsPm100:
         The device's name in the rig file.
     sample_s : float
         Duration of one sample; an exposure is this times the averaging count.
+    attenuation_db : float
+        Of the attenuator before its sensor for which the meter corrects its readings; 0 for none.
 
     Attributes
     ----------
@@ -44,8 +49,8 @@ class ThorlabsPm100:
         Exposure of the reading begun last: the whole number of samples nearest to what was asked for.
     """
 
-    def __init__(self, link: Link, clock: Clock, *, name: str, sample_s: float) -> None:
-        self.name, self.sample_s = name, sample_s
+    def __init__(self, link: Link, clock: Clock, *, name: str, sample_s: float, attenuation_db: float = 0.0) -> None:
+        self.name, self.sample_s, self.attenuation_db = name, sample_s, attenuation_db
         self.actual_exposure_s = 0.0
         self._link = link
         self._clock = clock
@@ -57,6 +62,7 @@ class ThorlabsPm100:
             answer_end=b"\n",
             end_cut_command=lambda: self._dialogue.tell(_WATTS),
         )
+        self._says = ""
         self._averaged: int | None = None
         self._attempts = 0
         self._deadline = Deadline(clock, 0.0)
@@ -67,23 +73,34 @@ class ThorlabsPm100:
     def connect(self) -> tuple[str, ...]:
         """Check that a Thorlabs meter answers, empty its error queue, set watts and automatic range.
 
+        When it is called again, it must be the same meter, and is told the wavelength again: it may have been switched
+        off meanwhile. The averaging count is told with the next reading.
+
         Returns
         -------
         tuple of str
             The errors that were still in the queue from earlier use, oldest first.
+
+        Raises
+        ------
+        DeviceFaultError
+            When the meter refuses what it is told, corrects its readings for another attenuator, or is another one than
+            the last time.
         """
         self._dialogue.begin()
+        self._averaged = None
+        self._says = same_device(self.name, self._says, self._dialogue.identity())
         earlier_errors = self._pop_errors()
         self._dialogue.tell(_WATTS)
         self._dialogue.tell("SENS:POW:RANG:AUTO 1")
         refused = self._pop_errors()
         if refused:
-            raise DeviceFaultError(
-                self.name,
-                f"the meter refused watts and automatic range: {'; '.join(refused)}",
-                not_done="the meter was not set up",
-                to_do="check that a power sensor is plugged in",
-            )
+            raise errors.set_up_refused(self.name, refused)
+        held_db = self._query(_ATTENUATION, number)
+        if abs(held_db - self.attenuation_db) > _SAME_DB:
+            raise errors.other_attenuation(self.name, held_db, self.attenuation_db)
+        if self._wavelength_nm is not None:
+            self.set_wavelength_nm(self._wavelength_nm)
         return tuple(earlier_errors)
 
     def set_wavelength_nm(self, wavelength_nm: float) -> None:
@@ -182,24 +199,9 @@ class ThorlabsPm100:
             raise errors.saturated(self.name, self._reading_w)
         return self._reading_w
 
-    def reconnect(self) -> tuple[str, ...]:
-        """Open the port afresh, once, and set the meter up again, for it may have been switched off meanwhile.
-
-        Returns
-        -------
-        tuple of str
-            The errors that were in its queue.
-
-        Raises
-        ------
-        NotConnectedError
-            When the port cannot be opened.
-        """
-        self._link.reopen()
-        left_over = self.connect()
-        if self._wavelength_nm is not None:
-            self.set_wavelength_nm(self._wavelength_nm)
-        return left_over
+    def reconnect(self) -> None:
+        """Open the port afresh, once; raises NotConnectedError. The reading that was being taken is lost."""
+        self._link.reconnect()
 
     def close(self) -> None:
         """Close the port."""

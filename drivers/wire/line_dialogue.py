@@ -7,7 +7,7 @@ from typing import TypeVar
 
 from drivers.wire.link import Link
 from drivers.wire.reply_text import unusable
-from goniometer.errors import ReplyTimeoutError
+from goniometer.errors import ReplyError, ReplyTimeoutError
 
 T = TypeVar("T")
 
@@ -56,6 +56,16 @@ class LineDialogue:
         """Forget what was asked for and have it proven, before the next question, that answers belong to questions."""
         self._link.discard_input()
         self._forget()
+
+    def identity(self) -> str:
+        """What the device says of itself, with its serial number."""
+
+        def read(line: str) -> str:
+            if self._identity not in line.upper():
+                raise self._no_identity(line)
+            return line
+
+        return self.query(self._identity_question, read, safe_to_repeat=True)
 
     def tell(self, command: str) -> None:
         """Send a command that has no answer."""
@@ -115,7 +125,11 @@ class LineDialogue:
             if not self._identities_to_come:
                 self._in_step = True
                 return
-        raise unusable(self._link.device, self._identity_question, line, f"an identity with {self._identity} in it")
+        raise self._no_identity(line)
+
+    def _no_identity(self, line: str) -> ReplyError:
+        expected = f"an identity with {self._identity} in it"
+        return unusable(self._link.device, self._identity_question, line, expected)
 
 
 def _text(frame: bytes) -> str:

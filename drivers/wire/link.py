@@ -4,22 +4,23 @@ from __future__ import annotations
 
 import copy
 import logging
+import math
 import time
 from collections.abc import Callable
 from typing import TypeVar
 
-from drivers.clock import Clock, WallClock
 from drivers.wire import link_errors
 from drivers.wire.framing import take_exactly, take_frame
 from drivers.wire.ports import PORT_ERRORS, TCP_SCHEMES, Port, SerialPort, TcpPort
 from drivers.wire.wire_log import WireLog
-from goniometer.errors import NotConnectedError, ReplyError, ReplyTimeoutError
+from goniometer.errors import DeviceError, ReplyError, ReplyTimeoutError
 
 T = TypeVar("T")
+E = TypeVar("E", bound=DeviceError)
 
 _LONGEST_FRAME = 4096
 _MOST_ATTEMPTS = 3
-_PAUSES_S = (0.1, 0.2, 0.4, 0.8, 1.6, 3.2)  # a USB adapter is back some 2 s after it was plugged in
+_JUST_NOW_S = 1e-3
 _log = logging.getLogger(__name__)
 
 
@@ -40,8 +41,6 @@ class Link:
         Whether the device uses RTS/CTS hardware handshake.
     reply_timeout_s : float
         Longest wait for one answer, and for the device to take one command, in real seconds.
-    clock : Clock, optional
-        Counts the pauses between attempts to connect again; real time when not given.
     wire_log : WireLog, optional
         Where every byte is written down; nowhere when not given.
 
@@ -60,7 +59,6 @@ class Link:
         parity: str = "N",
         rtscts: bool = False,
         reply_timeout_s: float = 1.0,
-        clock: Clock | None = None,
         wire_log: WireLog | None = None,
     ) -> None:
         self.port, self.device = port, device
@@ -71,10 +69,10 @@ class Link:
             else SerialPort(port, baudrate=baudrate, parity=parity, rtscts=rtscts, timeout_s=reply_timeout_s)
         )
         self._reply_timeout_s = reply_timeout_s
-        self._clock: Clock = WallClock() if clock is None else clock
         self._wire_log = wire_log
         self._received = bytearray()
         self._last_written = b""
+        self._looked_s = -math.inf
         self._on_reopen: list[Callable[[], None]] = []
         self._open()
 
@@ -87,16 +85,16 @@ class Link:
     def write(self, data: bytes) -> None:
         """Send `data`; raises ReplyTimeoutError when the device does not take it."""
         self._last_written = data
-        if self._is_socket:
+        if self._is_socket and time.monotonic() - self._looked_s > _JUST_NOW_S:
             self._received += self._receive(0.0)  # bytes sent after the other end has hung up vanish without an error
         if self._wire_log is not None:
             self._wire_log.sent(self.device, data)
         try:
             self._port.send(data)
         except TimeoutError as error:
-            raise link_errors.not_taken(self.device, self.port, data, self._reply_timeout_s) from error
+            raise self._noted(link_errors.not_taken(self.device, self.port, data, self._reply_timeout_s)) from error
         except PORT_ERRORS as error:
-            raise link_errors.lost(self.device, self.port, error) from error
+            raise self._noted(link_errors.lost(self.device, self.port, error)) from error
 
     def read(self, take: Callable[[bytearray], T | None], timeout_s: float | None = None) -> T:
         """Wait for the next frame.
@@ -120,7 +118,8 @@ class Link:
         end_s = time.monotonic() + limit_s
         while (frame := self._take(take)) is None:
             if left_s <= 0:
-                raise link_errors.unanswered(self.device, self.port, self._last_written, limit_s, bytes(self._received))
+                asked, received = self._last_written, bytes(self._received)
+                raise self._noted(link_errors.unanswered(self.device, self.port, asked, limit_s, received))
             left_s = end_s - time.monotonic()
             self._received += self._receive(max(left_s, 0.0))
         return frame
@@ -145,6 +144,7 @@ class Link:
     def has_input(self) -> bool:
         """Whether anything has come that was not read; never waits."""
         self._received += self._receive(0.0)
+        self._looked_s = time.monotonic()
         return bool(self._received)
 
     def discard_input(self, quiet_s: float = 0.0) -> None:
@@ -159,7 +159,7 @@ class Link:
         self._received.clear()
         while data := self._receive(quiet_s):
             if time.monotonic() > end_s:
-                raise link_errors.restless(self.device, self.port, data[:40])
+                raise self._noted(link_errors.restless(self.device, self.port, data[:40]))
 
     def until_answered(self, exchange: Callable[[], T]) -> T:
         """Do an exchange that is safe to repeat, up to three times until it is answered; never for a motion.
@@ -176,26 +176,14 @@ class Link:
                 self._note(f"attempt {attempt} failed and is repeated: {error.happened}")
         return exchange()
 
-    def reopen(self) -> None:
-        """Close the port and open it again, once; raises NotConnectedError."""
+    def reconnect(self) -> None:
+        """Close the port and open it again, once; raises NotConnectedError. How often, is for those to say who wait."""
         self.close()
         self._received.clear()
+        self._looked_s = -math.inf
         self._open()
         for forget in self._on_reopen:
             forget()
-
-    def reconnect(self) -> None:
-        """Reopen the port, again and again after longer and longer pauses; raises NotConnectedError after some 6 s."""
-        for pause_s in _PAUSES_S:
-            try:
-                self.reopen()
-                break
-            except NotConnectedError as error:
-                self._note(f"the next attempt to connect follows in {pause_s:g} s: {error.happened}")
-            self._clock.sleep(pause_s)
-        else:
-            self.reopen()
-        self._note("connected again")
 
     def on_reopen(self, forget: Callable[[], None]) -> None:
         """Have `forget` called whenever the port was opened afresh, by whichever of its devices.
@@ -210,7 +198,7 @@ class Link:
         try:
             self._port.set_rts(on=on)
         except PORT_ERRORS as error:
-            raise link_errors.lost(self.device, self.port, error) from error
+            raise self._noted(link_errors.lost(self.device, self.port, error)) from error
 
     def fileno(self) -> int:
         """Return a descriptor that `select` can wait for."""
@@ -224,26 +212,35 @@ class Link:
         try:
             self._port.open()
         except PORT_ERRORS as error:
-            raise link_errors.cannot_open(self.device, self.port, error) from error
+            raise self._noted(link_errors.cannot_open(self.device, self.port, error)) from error
+        self._log(f"port {self.port} is open")
 
     def _take(self, take: Callable[[bytearray], T | None]) -> T | None:
-        frame = take(self._received)
+        frame = take(self._received) if self._received else None
         if frame is None and len(self._received) > _LONGEST_FRAME:
             beginning = bytes(self._received[:40])
             self._received.clear()
-            raise link_errors.endless(self.device, self.port, _LONGEST_FRAME, beginning)
+            raise self._noted(link_errors.endless(self.device, self.port, _LONGEST_FRAME, beginning))
         return frame
 
     def _receive(self, wait_s: float) -> bytes:
         try:
             data = self._port.receive(wait_s)
         except PORT_ERRORS as error:
-            raise link_errors.lost(self.device, self.port, error) from error
+            raise self._noted(link_errors.lost(self.device, self.port, error)) from error
         if data and self._wire_log is not None:
             self._wire_log.received(self.device, data)
         return data
 
     def _note(self, event: str) -> None:
         _log.warning("%s: %s", self.device, event)
+        self._log(event)
+
+    def _noted(self, error: E) -> E:
+        """Write an error of the link down on its way to whoever asked."""
+        self._log(error.happened)
+        return error
+
+    def _log(self, event: str) -> None:
         if self._wire_log is not None:
             self._wire_log.event(self.device, event)

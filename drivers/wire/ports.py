@@ -18,6 +18,7 @@ TCP_SCHEMES = ("socket://", "modbus-tcp://")
 _CONNECT_S = 5.0
 _MOST_AT_ONCE = 4096
 _NOTHING_OPEN = -1
+_PSEUDO_TERMINALS = ("/dev/pts/", "/dev/ttys")
 
 PORT_ERRORS: tuple[type[Exception], ...] = (OSError, ValueError)
 if sys.platform != "win32":
@@ -90,8 +91,8 @@ class TcpPort:
     def receive(self, wait_s: float) -> bytes:
         """Return what has come, after waiting up to `wait_s` for a first byte."""
         opened = self._opened()
-        if wait_s > 0:
-            select.select([opened], [], [], wait_s)
+        if not select.select([opened], [], [], wait_s)[0]:
+            return b""
         try:
             data = opened.recv(_MOST_AT_ONCE)
         except BlockingIOError:
@@ -134,7 +135,7 @@ class SerialPort:
         self._serial = serial.serial_for_url(
             self._address,
             baudrate=self._baudrate,
-            parity=self._parity,
+            parity=serial.PARITY_NONE if _is_pseudo_terminal(self._address) else self._parity,
             rtscts=self._rtscts,
             timeout=self._timeout_s,
             write_timeout=self._timeout_s,
@@ -194,3 +195,8 @@ class SerialPort:
         if self._serial is None:
             raise ValueError("it is closed")
         return self._serial
+
+
+def _is_pseudo_terminal(address: str) -> bool:
+    """Whether it has no parity, which to ask for is an error when a pseudo-terminal is opened for the second time."""
+    return os.path.realpath(address).startswith(_PSEUDO_TERMINALS)

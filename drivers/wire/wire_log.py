@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import threading
 from datetime import UTC, datetime
 from pathlib import Path
 
@@ -18,7 +19,9 @@ class WireLog:
     or ``!`` for an event of the link, the bytes as text (``\r``, ``\x80``) and in hexadecimal. A full file is renamed
     to ``.1``, what was ``.1`` to ``.2``, and so on; the oldest is deleted.
 
-    When the disk is full or gone the log ends, with one warning, and the scan goes on.
+    Every line is with the system before the next byte goes out, so that a program that is killed leaves whole lines.
+    When the disk is full or gone the log ends, with one warning, and the scan goes on. Devices in several threads may
+    share a log.
 
     Parameters
     ----------
@@ -36,6 +39,7 @@ class WireLog:
         self._path, self._clock = path, clock
         self._file_bytes, self._files = file_bytes, files
         self._file = path.open("ab", buffering=0)  # nothing is lost in a buffer when the program is killed
+        self._one_at_a_time = threading.Lock()
 
     def sent(self, device: str, data: bytes) -> None:
         """Note bytes that go to a device."""
@@ -47,17 +51,20 @@ class WireLog:
 
     def event(self, device: str, text: str) -> None:
         """Note what happened to the link itself."""
-        self._write(device, "!", text, "")
+        self._write(device, "!", text.encode("unicode_escape").decode("ascii"), "")
 
     def close(self) -> None:
         """Close the file; may be called again, and nothing is noted afterwards."""
-        self._file.close()
+        with self._one_at_a_time:
+            self._file.close()
 
     def _write(self, *columns: str) -> None:
-        if self._file.closed:
-            return
-        now = datetime.now(UTC).isoformat(timespec="microseconds").replace("+00:00", "Z")
-        line = "\t".join((now, f"{self._clock.now():.6f}", *columns)).encode() + b"\n"
+        with self._one_at_a_time:
+            if not self._file.closed:
+                now = datetime.now(UTC).isoformat(timespec="microseconds").replace("+00:00", "Z")
+                self._append("\t".join((now, f"{self._clock.now():.6f}", *columns)).encode() + b"\n")
+
+    def _append(self, line: bytes) -> None:
         try:
             if self._file.tell() and self._file.tell() + len(line) > self._file_bytes:
                 self._begin_next()
@@ -78,7 +85,8 @@ class WireLog:
             kept = self._numbered(number - 1)
             if kept.exists():
                 kept.replace(self._numbered(number))
-        self._file = self._path.open("wb", buffering=0)
+        self._path.unlink(missing_ok=True)
+        self._file = self._path.open("ab", buffering=0)  # as at the start: other programs may append to it, too
 
     def _numbered(self, number: int) -> Path:
         return self._path.with_name(f"{self._path.name}.{number}") if number else self._path

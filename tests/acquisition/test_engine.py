@@ -1,14 +1,21 @@
 """What the engine refuses, and that every way out of a scan stops every device."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import pytest
 
 from acquisition.engine import Bench, Engine, stopped_afterwards
-from acquisition.events import ReadingStored
+from acquisition.events import LinkRestored, ReadingStored
 from acquisition.expand import Step, Target
 from acquisition.journal import Journal
-from goniometer.errors import DeviceFaultError, NotConnectedError, PositionError, ScanInterrupted
+from goniometer.errors import (
+    DeviceFaultError,
+    NotConnectedError,
+    PositionError,
+    ReplyError,
+    ReplyTimeoutError,
+    ScanInterrupted,
+)
 
 
 class Clock:
@@ -39,8 +46,37 @@ class Device:
     obeys: bool = True
     turned_by_hand: list = field(default_factory=list)
     unplugged_until_s: float = 0.0
+    is_linked: bool = True
+    unlinked: type = NotConnectedError
+    connects: int = 0
+    sent: list = field(default_factory=list)
+    come_back_as: BaseException | None = None
+    knows_home: bool = True
+
+    def is_homed(self):
+        return self.knows_home
+
+    def start_homing(self):
+        self.knows_home = True
+        self.start_move(0.0)
+
+    def unplug(self, for_s):
+        self.unplugged_until_s, self.is_linked = self.clock.now() + for_s, False
+
+    def connect(self):
+        self._require_link()
+        self.connects += 1
+        if self.come_back_as is not None:
+            raise self.come_back_as
+        return ()
+
+    def reconnect(self):
+        self.is_linked = self.clock.now() >= self.unplugged_until_s
+        self._require_link()
 
     def start_move(self, target):
+        self._require_link()
+        self.sent.append(target)
         self.target, self.arrival_s = target + self.miss, self.clock.now() + 1.0
 
     start_select = start_move
@@ -53,12 +89,15 @@ class Device:
         return False
 
     def position_deg(self):
+        self._require_link()
         return self.place
 
     def slot(self):
+        self._require_link()
         return self.turned_by_hand.pop(0) if self.turned_by_hand else self.place
 
     def stop(self):
+        self.is_linked |= self.clock.now() >= self.unplugged_until_s  # as an axis does, over a fresh connection
         self._require_link()
         self.stops += 1
         if self.stop_error is not None:
@@ -67,13 +106,15 @@ class Device:
             self.arrival_s, self.target = self.clock.now(), self.place
 
     def _require_link(self):
-        if self.clock.now() < self.unplugged_until_s:
-            raise NotConnectedError(self.name, "the cable is out", not_done="nothing", to_do="plug it in")
+        if not self.is_linked:
+            raise self.unlinked(self.name, "the cable is out", not_done="nothing", to_do="plug it in")
 
     def start_reading(self, exposure_s):
+        self._require_link()
         self.arrival_s = self.clock.now() + exposure_s
 
     def is_reading(self):
+        self._require_link()
         return self.clock.now() < self.arrival_s
 
     def power_w(self):
@@ -82,6 +123,11 @@ class Device:
 
 def step(point=0, exit_deg=5.0, slot=3, readings=2):
     return Step(point, "signal", Target(60.0, exit_deg, 10.0, slot), 45.0, readings, 0.03, 1.0)
+
+
+@pytest.fixture(autouse=True)
+def no_real_grace(monkeypatch):
+    monkeypatch.setattr("drivers.clock.Deadline._REAL_GRACE_S", 0.0)
 
 
 @pytest.fixture
@@ -207,7 +253,7 @@ def test_a_device_that_cannot_be_stopped_does_not_keep_the_others_moving(bench, 
 
 def test_an_axis_that_does_not_obey_its_stop_is_named(bench, clock):
     bench.detector_arm.obeys, bench.detector_arm.arrival_s = False, 1e9
-    with pytest.raises(BaseExceptionGroup) as caught, stopped_afterwards(bench, GenerousClock(clock)):
+    with pytest.raises(BaseExceptionGroup) as caught, stopped_afterwards(bench, clock):
         pass
     (failure,) = caught.value.exceptions
     assert isinstance(failure, DeviceFaultError)
@@ -216,15 +262,40 @@ def test_an_axis_that_does_not_obey_its_stop_is_named(bench, clock):
 
 
 def test_an_axis_whose_cable_is_plugged_in_again_is_stopped(bench, clock):
-    bench.detector_arm.arrival_s, bench.detector_arm.unplugged_until_s = 1e9, 0.5
+    bench.detector_arm.arrival_s = 1e9
+    bench.detector_arm.unplug(for_s=0.5)
     with stopped_afterwards(bench, clock):
         pass
     assert bench.detector_arm.stops == 1
     assert not bench.detector_arm.is_moving()
 
 
+def test_an_analyzer_that_turns_is_seen_to_rest_too(bench):
+    bench.analyzer.obeys, bench.analyzer.arrival_s = False, 1.0
+    with stopped_afterwards(bench, bench.analyzer.clock):
+        pass
+    assert bench.analyzer.clock.now() >= 1.0
+
+
+@pytest.mark.parametrize(("drift_deg", "still_moves"), [(0.0, False), (1.0, True)])
+def test_an_axis_that_answers_with_an_alarm_alone_is_seen_to_by_where_it_stands(bench, clock, drift_deg, still_moves):
+    alarm = DeviceFaultError("detector arm", "it has an alarm", not_done="the move", to_do="reset it")
+
+    class Alarmed(Device):
+        def is_moving(self):
+            raise alarm
+
+        def position_deg(self):
+            self.place += drift_deg
+            return self.place
+
+    bench = replace(bench, detector_arm=Alarmed("detector arm", clock))
+    failures = bench.stop(clock)
+    assert [("still moves 10 s" in str(failure)) for failure in failures] == [True] * still_moves
+
+
 def test_an_axis_that_cannot_be_asked_may_still_be_moving_and_the_error_says_so(bench, clock):
-    bench.detector_arm.unplugged_until_s = 1e9
+    bench.detector_arm.unplug(for_s=1e9)
     with pytest.raises(BaseExceptionGroup) as caught, stopped_afterwards(bench, clock):
         pass
     (failure,) = caught.value.exceptions
@@ -234,19 +305,6 @@ def test_an_axis_that_cannot_be_asked_may_still_be_moving_and_the_error_says_so(
     assert "may still be moving" in str(failure)
 
 
-class GenerousClock:
-    """Passes real time's grace, too, so that the test need not wait for it."""
-
-    def __init__(self, clock):
-        self._clock = clock
-
-    def now(self):
-        return self._clock.now()
-
-    def sleep(self, duration_s):
-        self._clock.sleep(duration_s)
-
-
 def test_an_error_of_a_subscriber_stops_the_bench(bench, clock, journal):
     def fail(event):
         raise DeviceFaultError("x", "y", not_done="z", to_do="w")
@@ -254,3 +312,189 @@ def test_an_error_of_a_subscriber_stops_the_bench(bench, clock, journal):
     with pytest.raises(DeviceFaultError), stopped_afterwards(bench, clock):
         engine(bench, clock, journal, publish=fail).run([step()])
     assert bench.source_arm.stops == 1
+
+
+STEPS = [step(readings=2), step(point=1, exit_deg=6.0, slot=4, readings=2), step(point=2, exit_deg=7.0, slot=3)]
+ROLES = ("source_arm", "detector_arm", "sample_azimuth", "analyzer", "detector")
+
+
+def rows(journal):
+    """All of the readings but their times."""
+    return [replace(reading, time_s=0.0) for reading in journal.readings()]
+
+
+def unplug_at(clock, device, times_s, for_s):
+    """Pull a device's cable at each of these times."""
+    left_s = sorted(times_s)
+
+    def check():
+        if left_s and clock.now() >= left_s[0]:
+            del left_s[0]
+            device.unplug(for_s)
+
+    return check
+
+
+@pytest.fixture
+def whole(tmp_path):
+    """The rows of a scan in which nothing happens, and how long it takes."""
+    clock = Clock()
+    bench = Bench(*(Device(name, clock) for name in ("source", "detector arm", "azimuth", "wheel", "meter")))
+    with Journal.create(tmp_path / "whole", {}) as journal:
+        engine(bench, clock, journal).run(STEPS)
+        return rows(journal), clock.now()
+
+
+@pytest.mark.parametrize("role", ROLES)
+@pytest.mark.parametrize(
+    ("for_s", "error"), [(0.0, NotConnectedError), (2.3, NotConnectedError), (2.3, ReplyTimeoutError)]
+)
+def test_wherever_a_link_is_lost_the_readings_are_those_of_a_scan_in_which_nothing_happens(
+    tmp_path, whole, role, for_s, error
+):
+    expected, duration_s = whole
+    restored = 0
+    for number in range(20):
+        clock = Clock()
+        bench = Bench(*(Device(name, clock) for name in ("source", "detector arm", "azimuth", "wheel", "meter")))
+        device, shown, events = getattr(bench, role), [], []
+        device.unlinked = error
+        check = unplug_at(clock, device, [duration_s * number / 20], for_s)
+        with Journal.create(tmp_path / f"{number}", {}) as journal:
+            engine(bench, clock, journal, events.append, check).run(STEPS)
+            shown = [replace(event.reading, time_s=0.0) for event in events if isinstance(event, ReadingStored)]
+            assert rows(journal) == shown == expected
+        told = [event for event in events if isinstance(event, LinkRestored)]
+        assert all(event.device == device.name for event in told)
+        restored += len(told)
+    assert restored > 10
+
+
+def test_a_reading_is_begun_anew_after_a_lost_link_with_the_bench_brought_there_before(bench, clock, journal):
+    begun_s, told = [], []
+    start_reading = bench.detector.start_reading
+    bench.detector.start_reading = lambda exposure_s: (begun_s.append(clock.now()), start_reading(exposure_s))
+    check = unplug_at(clock, bench.detector, [1.28], 2.3)
+    engine(bench, clock, journal, told.append, check).run([replace(step(readings=1), exposure_s=0.5)])
+    (reading,) = journal.readings()
+    (event,) = [event for event in told if isinstance(event, LinkRestored)]
+    assert len(begun_s) == 2
+    assert reading.time_s == begun_s[1] > begun_s[0] + 2.3
+    assert "meter: the cable is out at " in str(event)
+    assert "back after 3.1 s; all devices are as they were, and what was under way is done again" in str(event)
+    assert {getattr(bench, role).connects for role in ROLES} == {1, 2}, "at first, and at last"
+    assert journal.about()["link lost 1"] == f"after 0 readings: {event}"
+
+
+def test_everything_is_stopped_while_a_device_is_away_and_sent_again_afterwards(bench, clock, journal):
+    seen = []
+
+    def check():
+        if clock.now() >= 0.5 and not seen:
+            bench.detector_arm.unplug(for_s=2.0)
+            seen.append([])
+        elif 0.6 < clock.now() < 1.0:
+            seen.append([device.name for device in (bench.source_arm, bench.analyzer) if device.is_moving()])
+
+    engine(bench, clock, journal, check=check).run([step()])
+    assert len(seen) > 2
+    assert not any(seen)
+    assert (bench.source_arm.sent, bench.detector_arm.sent, bench.analyzer.sent) == ([60, 60], [5, 5], [3, 3])
+
+
+def test_an_analyzer_stopped_on_its_way_is_sent_again_also_where_it_should_be(bench, clock, journal):
+    def check():
+        if 0.5 <= clock.now() < 0.6 and len(bench.analyzer.sent) == 1:
+            bench.analyzer.place = 3
+            bench.source_arm.unplug(for_s=0.2)
+
+    engine(bench, clock, journal, check=check).run([step()])
+    assert bench.analyzer.sent == [3, 3]
+
+
+def test_an_axis_stopped_on_its_way_is_sent_again_also_where_it_should_be(bench, clock, journal):
+    """It may have come there on its way down, with the play of its gear still in it."""
+    bench.detector_arm.place = 5.0 + 2.0
+
+    def check():
+        if 0.5 <= clock.now() < 0.6 and len(bench.detector_arm.sent) == 1:
+            bench.detector_arm.place = 5.001
+            bench.source_arm.unplug(for_s=0.2)
+
+    engine(bench, clock, journal, check=check).run([step()])
+    assert bench.detector_arm.sent == [5.0, 5.0]
+
+
+def test_a_link_that_stays_away_ends_the_scan_after_half_a_minute_with_its_own_error(bench, clock, journal):
+    check = unplug_at(clock, bench.detector_arm, [0.5], 1e9)
+    with pytest.raises(NotConnectedError, match="detector arm: the cable is out") as caught:
+        engine(bench, clock, journal, check=check).run([step()])
+    assert caught.value.__notes__ == [
+        "It was tried for 30 s to connect again, at last in vain: detector arm: the cable is out. Not done: nothing. "
+        "What to do: plug it in."
+    ]
+    assert 30.0 < clock.now() < 34.0
+    assert not bench.source_arm.is_moving()
+
+
+def test_a_loose_plug_is_put_up_with_three_times_a_step(bench, clock, journal):
+    with pytest.raises(NotConnectedError) as caught:
+        engine(bench, clock, journal, check=unplug_at(clock, bench.analyzer, [0.5, 2.0, 4.0, 6.0], 0.0)).run(
+            [step(readings=500)]
+        )
+    assert caught.value.__notes__ == ["Links were lost 4 times in this step, and taken up again 3 times."]
+    assert len(journal.readings()) > 10
+
+
+def test_each_step_has_its_three(bench, clock, journal):
+    times_s = [0.1, 0.2, 0.3, 6.0, 6.1, 6.2]
+    check = unplug_at(clock, bench.analyzer, times_s, 0.0)
+    engine(bench, clock, journal, check=check).run([step(readings=100), step(point=1, exit_deg=9.0, readings=100)])
+    assert len(journal.readings()) == 200
+
+
+def test_waiting_for_a_cable_can_be_interrupted(bench, clock, journal):
+    pull = unplug_at(clock, bench.detector_arm, [0.5], 1e9)
+    interrupt = stop_when(clock, 5.0)
+    with pytest.raises(ScanInterrupted):
+        engine(bench, clock, journal, check=lambda: (pull(), interrupt())).run([step()])
+    assert clock.now() < 5.2
+
+
+@pytest.mark.parametrize("role", ROLES)
+def test_a_device_that_comes_back_another_ends_the_scan_and_is_named(bench, clock, journal, role):
+    device = getattr(bench, role)
+    device.come_back_as = DeviceFaultError(device.name, "home is lost", not_done="any move", to_do="home it")
+    with pytest.raises(DeviceFaultError, match=f"{device.name}: home is lost") as caught:
+        engine(bench, clock, journal, check=unplug_at(clock, bench.detector_arm, [0.5], 1.0)).run([step()])
+    (note,) = caught.value.__notes__
+    assert note.startswith("It came to light when all devices were checked, after this: detector arm: the cable is out")
+    assert journal.readings() == ()
+
+
+def test_an_axis_that_was_moved_while_its_cable_was_out_ends_the_scan(bench, clock, journal):
+    def check():
+        if len(journal.readings()) == 1 and bench.sample_azimuth.place == 10.0:
+            bench.sample_azimuth.place = 12.0
+            bench.detector.unplug(for_s=1.0)
+
+    with pytest.raises(PositionError, match="azimuth: stands at 12 degrees although it was left at 10 degrees"):
+        engine(bench, clock, journal, check=check).run([step(readings=2)])
+    assert len(journal.readings()) == 1
+
+
+@pytest.mark.parametrize("kind", [ReplyError, PositionError])
+def test_what_is_no_lost_link_ends_the_scan_at_once(bench, clock, journal, kind):
+    error = kind("azimuth", "no answer", not_done="the move", to_do="look at it")
+    bench.sample_azimuth.start_move = lambda target: (_ for _ in ()).throw(error)
+    with pytest.raises(kind, match="azimuth: no answer"):
+        engine(bench, clock, journal).run([step()])
+    assert bench.sample_azimuth.connects == 0
+
+
+@pytest.mark.parametrize("role", ["source_arm", "detector_arm", "sample_azimuth", "polarizer", "retarder"])
+def test_an_axis_without_its_zero_ends_the_scan_though_it_seems_to_stand_where_it_should(bench, clock, journal, role):
+    bench = replace(bench, **{role: Device(role, clock, knows_home=False)})
+    with pytest.raises(DeviceFaultError, match=f"{role}: the stage does not know .*goniometer home --axis {role}"):
+        engine(bench, clock, journal).home()
+    engine(replace(bench, to_home=(getattr(bench, role),)), clock, journal).home()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import select
 import socket
 import threading
@@ -12,6 +13,7 @@ import pytest
 
 from drivers.clock import Deadline
 from drivers.wire.link import Link
+from drivers.wire.ports import TcpPort
 
 Split = Callable[[bytes], tuple[bytes, bytes, bytes]]
 
@@ -39,11 +41,14 @@ class Peer(threading.Thread):
         self._listener = socket.create_server(("127.0.0.1", 0))
         self._wake, self._woken = socket.socketpair()
         self._client: socket.socket | None = None
+        self._number = 0
         self._connected = threading.Event()
         self._one_at_a_time = threading.Lock()  # what a test says never overtakes an answer
         self.port = f"socket://127.0.0.1:{self._listener.getsockname()[1]}"
         self.commands: list[bytes] = []
         self.connections = 0
+        self._heard: dict[int, float] = {}
+        self._hears = threading.Condition()
         self.start()
 
     def run(self) -> None:
@@ -55,7 +60,7 @@ class Peer(threading.Thread):
                 return
             if self._listener in ready:
                 self._hang_up()
-                self._client, received = self._listener.accept()[0], b""
+                (self._client, (_, self._number)), received = self._listener.accept(), b""
                 self.connections += 1
                 self._connected.set()
             elif self._client is not None:
@@ -73,6 +78,12 @@ class Peer(threading.Thread):
                         self.commands.append(command)
                         self._answer(command)
                     command, end, rest = self._split(received)
+                self._hear(len(data) if data else math.inf)
+
+    def wait_until_heard(self, number: int, sent: int) -> None:
+        """Wait until all that was sent on a connection has been heard, and what is to be answered was answered."""
+        with self._hears:
+            assert self._hears.wait_for(lambda: self._heard.get(number, 0) >= sent, 10)
 
     def say(self, data: bytes) -> None:
         assert self._connected.wait(5)
@@ -89,6 +100,7 @@ class Peer(threading.Thread):
         self._wake.close()
         self.join(5)
         self._hang_up()
+        self._hear(math.inf)
         self._woken.close()
         self._listener.close()
 
@@ -101,11 +113,18 @@ class Peer(threading.Thread):
         if self._client is not None:
             self._client.close()
             self._client = None
+            self._hear(math.inf)
+
+    def _hear(self, length: float) -> None:
+        with self._hears:
+            self._heard[self._number] = self._heard.get(self._number, 0) + length
+            self._hears.notify_all()
 
 
 @pytest.fixture
-def make_peer() -> Iterator[Callable[..., Peer]]:
+def make_peer(monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[..., Peer]]:
     peers: list[Peer] = []
+    count_in_what_peers_have_heard(monkeypatch, peers)
 
     def make(
         answers: Mapping[bytes, bytes | list[bytes]], *, terminator: bytes = b"\r", split: Split | None = None
@@ -116,6 +135,33 @@ def make_peer() -> Iterator[Callable[..., Peer]]:
     yield make
     for peer in peers:
         peer.close()
+
+
+def count_in_what_peers_have_heard(monkeypatch: pytest.MonkeyPatch, peers: list[Peer]) -> None:
+    """Let no port look for an answer before the peer has given it: answers then come at once, or not at all.
+
+    A deadline as short as a test can wait for tells the two apart, also on a machine that has much else to do.
+    """
+    really_send, really_receive = TcpPort.send, TcpPort.receive
+    sent: dict[tuple[str, int], int] = {}
+
+    def connection(port: TcpPort) -> tuple[str, int]:
+        return port._address, port._opened().getsockname()[1]
+
+    def send(port: TcpPort, data: bytes) -> None:
+        key = connection(port)
+        really_send(port, data)
+        sent[key] = sent.get(key, 0) + len(data)
+
+    def receive(port: TcpPort, wait_s: float) -> bytes:
+        address, number = connection(port)
+        for peer in peers:
+            if peer.port.partition("://")[2] == address.partition("://")[2]:
+                peer.wait_until_heard(number, sent.get((address, number), 0))
+        return really_receive(port, wait_s)
+
+    monkeypatch.setattr(TcpPort, "send", send)
+    monkeypatch.setattr(TcpPort, "receive", receive)
 
 
 @pytest.fixture

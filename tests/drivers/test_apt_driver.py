@@ -48,6 +48,9 @@ SET_10_10 = bytes.fromhex("13 04 0E 00 D0 01 01 00 00 00 00 00 AC 3A 00 00 55 55
 ASK_ENABLED = bytes.fromhex("11 02 01 00 50 01")
 ASK_VELOCITY = bytes.fromhex("14 04 01 00 50 01")
 STOP_UPDATES = bytes.fromhex("12 00 00 00 50 01")
+NO_BACKLASH = bytes.fromhex("3A 04 06 00 D0 01 01 00 00 00 00 00")
+ASK_BACKLASH = bytes.fromhex("3B 04 01 00 50 01")
+ASK_HOME = bytes.fromhex("41 04 01 00 50 01")
 COUNTS_45 = 6_144_000
 
 
@@ -59,8 +62,8 @@ def short_reply(number: int, source: int, first: int, second: int) -> bytes:
     return struct.pack("<HBBBB", number, first, second, 0x01, source)
 
 
-def info(model: str, source: int = 0x50) -> bytes:
-    data = struct.pack("<I8sH4B60s3H", 55_000_001, model.encode(), 16, 1, 0, 3, 0, b"", 1, 0, 1)
+def info(model: str, source: int = 0x50, serial_number: int = 55_000_001) -> bytes:
+    data = struct.pack("<I8sH4B60s3H", serial_number, model.encode(), 16, 1, 0, 3, 0, b"", 1, 0, 1)
     return reply(0x0006, source, data)
 
 
@@ -76,6 +79,14 @@ def velocity(acceleration: int = 15_020, speed: int = 73_291_093, source: int = 
     return reply(0x0415, source, struct.pack("<Hiii", 1, 0, acceleration, speed))
 
 
+def backlash(counts: int = 0, source: int = 0x50) -> bytes:
+    return reply(0x043C, source, struct.pack("<Hi", 1, counts))
+
+
+def home_settings(offset: int = 0, source: int = 0x50) -> bytes:
+    return reply(0x0442, source, struct.pack("<HHHii", 1, 2, 1, 73_291_093, offset))
+
+
 def completed(counts: int, source: int = 0x50) -> bytes:
     return reply(0x0464, source, struct.pack("<HiiI", 1, counts, 0, READY))
 
@@ -84,6 +95,8 @@ ANSWERS = {
     ASK_INFO: info("K10CR1"),
     ASK_ENABLED: short_reply(0x0212, 0x50, 1, 1),
     ASK_VELOCITY: velocity(),
+    ASK_BACKLASH: backlash(),
+    ASK_HOME: home_settings(),
     ASK_STATUS: status(),
 }
 
@@ -218,9 +231,10 @@ def port(make_peer, open_link, clock):
 
 @pytest.fixture
 def stage(port):
-    def make(changes=None, **kwargs):
+    def make(changes=None, home_offset_deg=None, **kwargs):
         peer, apt = port(changes, **kwargs)
-        return peer, ThorlabsApt(apt, "K10CR1", name="source", velocity_deg_s=10, acceleration_deg_s2=10)
+        speed = {"velocity_deg_s": 10, "acceleration_deg_s2": 10}
+        return peer, ThorlabsApt(apt, "K10CR1", name="source", home_offset_deg=home_offset_deg, **speed)
 
     return make
 
@@ -236,6 +250,9 @@ def test_connects_without_moving(stage, clock):
         ASK_ENABLED,
         SET_10_10,
         ASK_VELOCITY,
+        NO_BACKLASH,
+        ASK_BACKLASH,
+        ASK_HOME,
         ASK_STATUS,
     ]
     assert clock.time_s == pytest.approx(0.1)
@@ -264,6 +281,14 @@ def test_opening_pauses_and_proof_come_again_after_reconnecting(stage, clock):
     assert peer.commands == [ASK_VELOCITY, ASK_STATUS, ASK_STATUS, ASK_ENABLED, ASK_STATUS]
 
 
+def test_another_controller_on_the_port_is_not_taken_for_the_one_before(stage):
+    _, stage = stage({ASK_INFO: [info("K10CR1"), info("K10CR1", serial_number=55_000_002)]})
+    stage.connect()
+    stage.reconnect()
+    with pytest.raises(DeviceFaultError, match="another device answers since the link was lost: 'K10CR1 55000002'"):
+        stage.connect()
+
+
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
@@ -271,6 +296,7 @@ def test_opening_pauses_and_proof_come_again_after_reconnecting(stage, clock):
         ({ASK_ENABLED: short_reply(0x0212, 0x50, 1, 2)}, "source: the channel stays off"),
         ({ASK_VELOCITY: velocity(15_020, 36_645_547)}, r"moves at 5 degrees/s and 10 degrees/s², not at 10 and 10"),
         ({ASK_VELOCITY: velocity(30_040)}, r"moves at 10 degrees/s and 20 degrees/s²"),
+        ({ASK_BACKLASH: backlash(136_533)}, "keeps a backlash correction of 0.999998 degrees, by which it would go"),
     ],
 )
 def test_stage_that_cannot_be_set_up_is_refused(stage, changes, message):
@@ -284,6 +310,36 @@ def test_faults_left_from_before_are_returned(stage):
     _, stage = stage({ASK_STATUS: rich + status(0, READY | 0x4000 | 0x4000000)})
     notes = stage.connect()
     assert notes == ("a position error: the motor did not follow", "over-current", "fault 12: supply was weak")
+
+
+def test_home_offset_is_noted_once_and_must_stay(stage):
+    _, stage = stage({ASK_HOME: [home_settings(COUNTS_45), home_settings(COUNTS_45), home_settings(0)]})
+    (note,) = stage.connect()
+    assert note.startswith("source has a home offset of 45 degrees")
+    assert stage.connect() == ()
+    with pytest.raises(DeviceFaultError, match="source: its home offset is 0 degrees, and should be 45"):
+        stage.connect()
+
+
+def test_home_offset_of_the_rig_file_is_demanded(stage):
+    _, as_it_should_be = stage({ASK_HOME: home_settings(COUNTS_45)}, home_offset_deg=45.0)
+    assert as_it_should_be.connect() == ()
+    peer, stage = stage({ASK_HOME: home_settings(COUNTS_45)}, home_offset_deg=0.0)
+    with pytest.raises(DeviceFaultError, match=r"its home offset is 45 degrees, and should be 0: .*home_offset_deg"):
+        stage.connect()
+    assert not [command for command in peer.commands if command[:2] in (b"\x40\x04", b"\x43\x04")]
+
+
+@pytest.mark.usefixtures("no_real_grace")
+def test_standing_still_a_tenth_of_a_degree_away_is_not_arrived(stage, clock):
+    """Until a second has passed, in which it may yet go on; then it stands where it stands, which the scan judges."""
+    short_of_it = status(COUNTS_45 - 13_653)
+    _, stage = stage({ASK_STATUS: [status(), status(10, READY | MOVING), short_of_it]})
+    stage.start_move(45)
+    assert [stage.is_moving(), stage.is_moving()] == [True, True]
+    clock.time_s += 2
+    assert not stage.is_moving()
+    assert stage.position_deg() == pytest.approx(44.9, abs=1e-3)
 
 
 def test_move_is_the_sheets_and_ends_with_the_status(stage):
@@ -577,6 +633,8 @@ def rack(model: str = "BSC203", used: int = 1) -> dict[bytes, bytes]:
             bytes((0x60, 0, bay, 0, 0x11, 1)): short_reply(0x0061, 0x11, bay, used),
             bytes((0x11, 2, 1, 0, address, 1)): short_reply(0x0212, address, 1, 1),
             bytes((0x14, 4, 1, 0, address, 1)): velocity(66_086, 201_544_247, address),
+            bytes((0x3B, 4, 1, 0, address, 1)): backlash(0, address),
+            bytes((0x41, 4, 1, 0, address, 1)): home_settings(0, address),
             bytes((0x80, 4, 1, 0, address, 1)): status(75_091 * bay, READY, address),
         }
     return answers

@@ -6,8 +6,11 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from drivers.axis import Axis, Travel
-from goniometer.errors import DeviceFaultError, LimitError, ReplyTimeoutError
+from drivers.axis import Axis
+from drivers.collision_zones import ArmsTooClose, Box
+from drivers.interlock import Interlock
+from drivers.travel import Travel
+from goniometer.errors import CollisionError, DeviceFaultError, LimitError, PositionError
 
 pytestmark = pytest.mark.usefixtures("no_real_grace")
 
@@ -154,7 +157,7 @@ def test_an_axis_slower_than_it_should_be_has_twice_its_time_and_five_seconds(cl
     stage = Turntable(clock, speed_deg_s=1.0)
     axis = axis_on(stage)
     axis.start_move(100)
-    with pytest.raises(ReplyTimeoutError, match="the motion to 100 degrees has not ended within twice its expected"):
+    with pytest.raises(DeviceFaultError, match="the motion to 100 degrees has not ended within twice its expected"):
         arrive(axis, clock)
     assert stage.stops == 1
     assert_allclose(clock.time_s, 2 * (100 / 10 + 10 / 40) + 5, atol=0.11)
@@ -164,7 +167,7 @@ def test_a_stage_that_cannot_tell_its_position_in_motion_is_not_asked(clock):
     stage = Turntable(clock, speed_deg_s=0.0, reports_in_motion=False)
     axis = axis_on(stage)
     axis.start_move(100)
-    with pytest.raises(ReplyTimeoutError, match="has not ended"):
+    with pytest.raises(DeviceFaultError, match="has not ended"):
         arrive(axis, clock)
 
 
@@ -178,3 +181,219 @@ def test_a_stage_that_does_not_know_its_zero_is_homed_first(clock):
     arrive(axis, clock)
     axis.start_move(10)
     assert stage.targets_deg == [0.0, 10]
+
+
+@pytest.mark.parametrize("said_deg", [9.98, 10.0, 25.0, 40.02])
+def test_after_a_lost_link_an_axis_may_stand_anywhere_on_its_way(clock, said_deg):
+    axis = axis_sent_from_10_to_40(clock)
+    axis._stage.start_deg = axis._stage.target_deg = said_deg
+    assert axis.connect() == ()
+
+
+@pytest.mark.parametrize("said_deg", [0.0, 9.96, 40.04, -320.0])
+def test_after_a_lost_link_an_axis_that_cannot_stand_where_it_says_is_refused(clock, said_deg):
+    """Such as a controller that was reset, or that of the other arm, when two cables were pulled."""
+    axis = axis_sent_from_10_to_40(clock)
+    axis._stage.start_deg = axis._stage.target_deg = said_deg
+    with pytest.raises(PositionError, match=f"stands at {said_deg:g} degrees, where its last move between 10 and 40"):
+        axis.connect()
+
+
+def axis_sent_from_10_to_40(clock):
+    stage = Turntable(clock, at_deg=10.0)
+    axis = Axis(stage, clock, Travel((-170, 170), settle_s=0.1, tolerance_deg=0.03))
+    assert not axis.is_moving()
+    axis.start_move(40.0)
+    clock.time_s += 1.0
+    axis.stop()
+    return axis
+
+
+def test_whole_turns_are_no_other_place_for_a_table_that_turns_for_ever(clock):
+    stage = Turntable(clock, at_deg=-350)
+    axis = axis_on(stage, (-180, 180), wraps=True)
+    axis.start_move(20)
+    arrive(axis, clock)
+    stage.start_deg = stage.target_deg = 20.0
+    assert axis.connect() == ()
+    stage.start_deg = stage.target_deg = 22.0 + 5 * 360
+    with pytest.raises(PositionError, match="cannot have led"):
+        axis.connect()
+
+
+def test_stage_that_has_lost_its_home_meanwhile_is_refused_even_where_it_was_left(clock):
+    stage = Turntable(clock)
+    axis = axis_on(stage)
+    axis.start_move(10)
+    arrive(axis, clock)
+    stage.homed = False
+    with pytest.raises(DeviceFaultError, match="sample_azimuth: the stage does not know where its zero is"):
+        axis.connect()
+
+
+def test_stage_that_never_knew_its_home_is_connected_before_it_is_homed(clock):
+    axis = axis_on(Turntable(clock, homed=False))
+    assert axis.connect() == axis.connect() == ()
+
+
+def test_a_move_to_where_the_axis_stands_leaves_its_play_out(clock):
+    stage = Turntable(clock)
+    axis = axis_on(stage, backlash_deg=2.0)
+    for target_deg in (10.0, 10.0, 10.5):
+        axis.start_move(target_deg)
+        arrive(axis, clock)
+    assert stage.targets_deg == [10.0, 10.0, 10.5]
+
+
+def arms_on(clock, zone, source_deg=60.0, detector_deg=0.0, detector=Turntable, **travel):
+    """A source arm and a detector arm on stages of their own, with an interlock over both."""
+    stages = {"source_arm": Turntable(clock, source_deg), "detector_arm": detector(clock, detector_deg)}
+    axes = {}
+    for role, stage in stages.items():
+        stage.name = role
+        axes[role] = axis_on(stage, **travel)
+    Interlock([zone], axes)
+    return stages, axes["source_arm"], axes["detector_arm"]
+
+
+def sent(stages):
+    return {role: stage.targets_deg for role, stage in stages.items()}
+
+
+def refused(axis, target_deg):
+    with pytest.raises(CollisionError, match=f"{axis.name}: the way from .* to {target_deg:g} degrees enters"):
+        axis.start_move(target_deg)
+    return True
+
+
+def test_an_axis_is_anywhere_on_its_way_from_the_moment_it_is_sent(clock):
+    stages, source, detector = arms_on(clock, ArmsTooClose(15), detector_deg=30.0)
+    detector.start_move(-40.0)
+    assert refused(source, 40.0)  # 70 degrees off where the detector arm is now, and right where it goes
+    assert sent(stages) == {"source_arm": [], "detector_arm": [-40.0]}
+    arrive(detector, clock)
+    detector.start_move(30.0)
+    assert refused(source, 40.0)  # and where it comes from
+    arrive(detector, clock)
+    source.start_move(40.0)
+
+
+def test_what_lies_between_belongs_to_the_way(clock):
+    stages, _, detector = arms_on(clock, ArmsTooClose(15))
+    assert refused(detector, -100.0)
+    detector.start_move(-45.0)
+    assert sent(stages)["detector_arm"] == [-45.0]
+
+
+def test_a_table_that_turns_for_ever_needs_no_room_to_approach_its_lowest_angle(clock):
+    stage = Turntable(clock)
+    axis_on(stage, (-180, 180), wraps=True, backlash_deg=2.0).start_move(-180.0)
+    assert stage.targets_deg == [-182.0]
+
+
+def test_an_axis_that_turns_back_before_its_target_may_be_there_too(clock):
+    zone = Box({"detector_arm": (-13, -11), "source_arm": (0, 40)})
+    stages, source, detector = arms_on(clock, zone, backlash_deg=3.0)
+    detector.start_move(-10.0)
+    assert refused(source, 30.0)
+    assert sent(stages) == {"source_arm": [], "detector_arm": [-13.0]}
+
+
+class DeafInMotion(Turntable):
+    """One that cannot be stopped on its way to a target, as Elliptec modules."""
+
+    def stop(self):
+        self.stops += 1
+
+
+@pytest.mark.parametrize(("detector_stage", "rests_deg"), [(Turntable, 20.0), (DeafInMotion, -40.0)])
+def test_an_axis_that_was_stopped_is_anywhere_on_its_way_until_it_is_seen_at_rest(clock, detector_stage, rests_deg):
+    _, source, detector = arms_on(clock, ArmsTooClose(15), detector_deg=30.0, detector=detector_stage)
+    detector.start_move(-40.0)
+    clock.time_s += 1.0
+    detector.stop()
+    assert refused(source, 40.0)
+    arrive(detector, clock)
+    assert_allclose(detector.position_deg(), rests_deg)
+    assert refused(source, -rests_deg)
+    source.start_move(20.0 - rests_deg)
+
+
+def test_an_axis_that_is_sent_elsewhere_on_its_way_may_still_go_where_it_was_sent(clock):
+    """It brakes, and some do so for long: the source arm goes only once the detector arm is seen at rest."""
+    stages, source, detector = arms_on(clock, Box({"detector_arm": (40, 60), "source_arm": (-10, 10)}))
+    detector.start_move(50.0)
+    clock.time_s += 1.0
+    detector.start_move(0.0)
+    assert refused(source, 5.0)
+    arrive(detector, clock)
+    source.start_move(5.0)
+    clock.time_s += 1.0
+    assert refused(detector, 45.0)
+    assert sent(stages) == {"source_arm": [5.0], "detector_arm": [50.0, 0.0]}
+
+
+def test_a_refused_move_leaves_the_one_under_way_as_it_was(clock):
+    stages, source, detector = arms_on(clock, ArmsTooClose(15), detector_deg=30.0, backlash_deg=3.0)
+    detector.start_move(0.0)
+    clock.time_s += 1.0
+    assert refused(detector, -70.0)
+    arrive(detector, clock)
+    assert sent(stages)["detector_arm"] == [-3.0, 0.0]
+    source.start_move(30.0)
+
+
+UNTOLD = "detector_arm: the axis moves although this program has not told it to: .* its motion was not stopped"
+
+
+def test_nobody_watches_over_an_axis_that_moves_already(clock):
+    stage = Turntable(clock)
+    stage.name = "detector_arm"
+    stage.start_move(30.0)
+    axes = {"detector_arm": axis_on(stage)}
+    with pytest.raises(DeviceFaultError, match=UNTOLD):
+        Interlock([], axes)
+    assert stage.stops == 0
+    clock.time_s += 3.0
+    Interlock([], axes)
+
+
+def test_a_motion_that_begins_by_itself_keeps_every_axis_from_being_sent_anywhere(clock):
+    stages, source, detector = arms_on(clock, ArmsTooClose(15), detector_deg=30.0)
+    stages["detector_arm"].start_move(-70.0)
+    with pytest.raises(DeviceFaultError, match=UNTOLD):
+        source.start_move(61.0)
+    with pytest.raises(DeviceFaultError, match=UNTOLD):
+        detector.start_move(31.0)
+    assert sent(stages) == {"source_arm": [], "detector_arm": [-70.0]}
+    assert stages["detector_arm"].stops == 0
+
+
+def test_an_axis_that_does_not_know_its_zero_may_be_anywhere_within_its_limits(clock):
+    stages, source, detector = arms_on(clock, Box({"detector_arm": (160, 175), "source_arm": (0, 40)}))
+    stages["detector_arm"].homed = detector._was_homed = False
+    assert detector.span_deg() == (-170, 170)
+    assert refused(source, 30.0)
+    stages["detector_arm"].homed = True
+    source.start_move(30.0)
+
+
+def test_an_axis_that_searches_its_zero_may_be_anywhere_within_its_limits(clock):
+    stages, source, detector = arms_on(clock, Box({"detector_arm": (160, 175), "source_arm": (0, 40)}))
+    detector.start_move(20.0)
+    arrive(detector, clock)
+    detector.start_homing()
+    assert stages["detector_arm"].is_homed()  # as drives say that keep their zero
+    assert refused(source, 30.0)
+    arrive(detector, clock)
+    source.start_move(30.0)
+
+
+def test_an_axis_without_a_zero_that_moves_is_not_refused_so_that_it_can_be_homed(clock):
+    stage = Turntable(clock, homed=False)
+    stage.start_move(30.0)
+    axis = axis_on(stage)
+    Interlock([], {"detector_arm": axis})
+    axis.start_homing()
+    arrive(axis, clock)
+    assert axis.span_deg() == (0.0, 0.0)

@@ -5,10 +5,11 @@ import struct
 
 import pytest
 
-from drivers.axis import Axis, Travel
+from drivers.axis import Axis
 from drivers.modbus.port import ModbusPort
 from drivers.modbus.unit import ModbusUnit
 from drivers.oriental_az.stage import OrientalAz
+from drivers.travel import Travel
 from goniometer.errors import DeviceFaultError, LimitError, NotConnectedError, ReplyError, ReplyTimeoutError
 
 # Published frames: a move to 8500 steps at 2000 Hz and 1000 kHz/s, its answer, a position, STOP, data no. 0 = -1000.
@@ -70,7 +71,7 @@ ANSWERS = {
 }
 
 
-def axis_on(port, clock, name, unit):
+def axis_on(port, clock, name, unit, **more):
     az = OrientalAz(
         ModbusUnit(port, unit, device=name),
         clock,
@@ -78,6 +79,7 @@ def axis_on(port, clock, name, unit):
         steps_per_deg=50,
         velocity_deg_s=40,
         acceleration_deg_s2=20_000,
+        **more,
     )
     return Axis(az, clock, Travel((-180, 180), settle_s=0.05, tolerance_deg=0.03))
 
@@ -86,10 +88,10 @@ def axis_on(port, clock, name, unit):
 def stage(make_peer, clock):
     stages = []
 
-    def make(changes=None, reply_timeout_s=2.0):
+    def make(changes=None, reply_timeout_s=2.0, **more):
         peer = make_peer(ANSWERS | (changes or {}), split=split)
         port = ModbusPort(peer.port, device="sample_azimuth", reply_timeout_s=reply_timeout_s, clock=clock)
-        stages.append(axis_on(port, clock, "sample_azimuth", 1))
+        stages.append(axis_on(port, clock, "sample_azimuth", 1, **more))
         return peer, stages[-1]
 
     yield make
@@ -223,6 +225,57 @@ def test_home_is_the_return_to_the_encoders_zero(stage):
     stage.start_homing()
     assert peer.commands == [STATUS, zhome, zhome_off]
     assert [stage.is_moving(), stage.is_moving()] == [True, False]
+
+
+RESET = [with_crc(bytes.fromhex(f"01 10 01 80 00 02 04 00 00 00 0{level}")) for level in (0, 1)]
+ZHOME = with_crc(bytes.fromhex("01 06 00 7D 00 10"))
+HOME_LOST = answer(1 << 7, 0x4A)
+CURES = dict.fromkeys(RESET, with_crc(bytes.fromhex("01 10 01 80 00 02"))) | {ZHOME: ZHOME}
+
+
+def test_homing_that_a_person_asks_for_resets_the_alarm_that_home_is_lost(stage):
+    homed = answer(READY | IN_POSITION | 1 << 4, 0)
+    peer, stage = stage(
+        CURES | {STATUS: [HOME_LOST, HOME_LOST, READY_AT_REST, READY_AT_REST, MOVING, homed]}, may_reset_home_alarm=True
+    )
+    assert stage.connect() == ("alarm 0x4A, home is not set, which homing resets",)
+    assert not stage.is_homed()
+    with pytest.raises(DeviceFaultError, match="does not know where its zero is"):
+        stage.start_move(10)
+    assert peer.commands == [STATUS]
+    stage.start_homing()
+    assert [command for command in peer.commands if command != STATUS] == [*RESET, ZHOME, STOP_OFF]
+    assert [stage.is_moving(), stage.is_moving()] == [True, False]
+    assert stage.is_homed()
+
+
+@pytest.mark.usefixtures("no_real_grace")
+def test_alarm_that_cannot_be_reset_is_a_fault_and_nothing_is_moved(stage):
+    peer, stage = stage(CURES | {STATUS: HOME_LOST}, may_reset_home_alarm=True)
+    stage.connect()
+    with pytest.raises(DeviceFaultError, match=r"0x4A, home is not set.* if it comes back, set the home position"):
+        stage.start_homing()
+    assert ZHOME not in peer.commands
+
+
+def test_alarm_during_homing_is_not_reset_once_more(stage):
+    peer, stage = stage(
+        CURES | {STATUS: [HOME_LOST, READY_AT_REST, READY_AT_REST, HOME_LOST]}, may_reset_home_alarm=True
+    )
+    stage.connect()
+    stage.start_homing()
+    with pytest.raises(DeviceFaultError, match="0x4A, home is not set"):
+        stage.is_moving()
+    assert not stage.is_homed()
+    assert peer.commands.count(RESET[1]) == 1
+
+
+def test_homing_of_a_scan_resets_nothing(stage):
+    peer, stage = stage(CURES | {STATUS: [READY_AT_REST, HOME_LOST]})
+    stage.connect()
+    with pytest.raises(DeviceFaultError, match="0x4A, home is not set"):
+        stage.start_homing()
+    assert not set(RESET) & set(peer.commands)
 
 
 def test_silent_drive_is_asked_once_and_a_move_is_never_repeated(stage):

@@ -88,3 +88,38 @@ def test_the_turning_point_of_an_approach_belongs_to_the_way():
     here = {"source_arm": 0.0, "detector_arm": 0.0, "sample_azimuth": 0.0}
     assert free_order(zones, here, {"detector_arm": (0.0, -60.0)}) == (("detector_arm",),)
     assert free_order(zones, here, {"detector_arm": (0.0, -62.0, -60.0)}) is None
+
+
+@pytest.mark.parametrize(
+    ("source_deg", "detector_deg", "touches"),
+    [(200, 160, True), (-200, -160, True), (180, -180, True), (200, 174.9, True), (200, 175, False), (350, -60, False)],
+)
+def test_arms_meet_also_a_turn_away(source_deg, detector_deg, touches):
+    assert ArmsTooClose(15).is_entered(place(source_deg, detector_deg)) == touches
+
+
+@pytest.mark.parametrize(("azimuth_deg", "touches"), [(-5, True), (355, True), (715, True), (-10.1, False), (5, False)])
+def test_a_box_reaches_as_far_as_its_angles_a_turn_away(azimuth_deg, touches):
+    assert Box({"sample_azimuth": (350, 360)}).is_entered(place(0, 0, azimuth_deg)) == touches
+
+
+def test_whole_turns_of_any_axis_change_nothing():
+    rng = np.random.default_rng(4)
+    roles = ("source_arm", "detector_arm", "sample_azimuth")
+    zones = (ArmsTooClose(40), Box({"detector_arm": (100, 190)}), Box({"source_arm": (-90, 20), roles[2]: (10, 160)}))
+    found = {True: 0, False: 0}
+    for _ in range(300):
+        spans = {role: tuple(np.sort(rng.uniform(-180, 180, 2) * rng.uniform(0, 1))) for role in roles}
+        turned = {role: tuple(np.add(span, 360 * rng.integers(-3, 4))) for role, span in spans.items()}
+        for zone in zones:
+            is_entered = zone.is_entered(spans)
+            found[is_entered] += 1
+            assert zone.is_entered(turned) == is_entered
+    assert min(found.values()) > 100
+
+
+def test_an_axis_that_turns_all_the_way_round_passes_everything():
+    assert Box({"sample_azimuth": (350, 351)}).is_entered({"sample_azimuth": (-8.5, 351.5)})
+    assert not Box({"sample_azimuth": (350, 351)}).is_entered({"sample_azimuth": (-8.5, 349.5)})
+    assert ArmsTooClose(1).is_entered({"source_arm": (2, 2), "detector_arm": (0, 357.5)})
+    assert not ArmsTooClose(1).is_entered({"source_arm": (2, 2), "detector_arm": (0, 357)})

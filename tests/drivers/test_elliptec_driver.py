@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import random
+import select
 import time
 
 import pytest
 
-from drivers.axis import Axis, Travel
+from drivers.axis import Axis
 from drivers.thorlabs_elliptec.bus import ElliptecBus
 from drivers.thorlabs_elliptec.packets import (
     Identity,
@@ -20,6 +21,7 @@ from drivers.thorlabs_elliptec.packets import (
 )
 from drivers.thorlabs_elliptec.rotator import ElliptecRotator
 from drivers.thorlabs_elliptec.slider import ElliptecSlider
+from drivers.travel import Travel
 from drivers.wire.framing import take_frame
 from goniometer.errors import (
     ConfigurationError,
@@ -46,6 +48,7 @@ ANSWERS = {
     b"0sj00000466": b"0GS00\r\n",
     b"0sj00000467": b"0GS00\r\n",
     b"0gj": b"0GJ00000467\r\n",
+    b"0go": b"0HO00000000\r\n",
 }
 
 
@@ -167,7 +170,7 @@ MA_45 = b"0ma00004600"
 def test_connects_without_moving(rotator):
     peer, rotator = rotator({b"0gj": b"0GJ00004600\r\n"})
     assert rotator.connect() == ()
-    assert peer.commands == [b"0in", b"0gs", b"0sv64", b"0gv"]
+    assert peer.commands == [b"0in", b"0gs", b"0sv64", b"0gv", b"0go"]
     assert not rotator.is_homed()
     assert not rotator.is_moving()
 
@@ -175,6 +178,23 @@ def test_connects_without_moving(rotator):
 def test_error_left_from_before_is_returned(rotator):
     _, rotator = rotator({b"0gs": b"0GS0D\r\n"})
     assert rotator.connect() == ("over-current",)
+
+
+def test_home_offset_is_noted_once_and_must_stay(rotator):
+    offsets = [b"0HOFFFFEE80\r\n", b"0HOFFFFEE80\r\n", b"0HO00000000\r\n"]
+    _, rotator = rotator({b"0go": offsets})
+    (note,) = rotator.connect()
+    assert note.startswith("polarizer has a home offset of -11.25 degrees")
+    assert rotator.connect() == ()
+    with pytest.raises(DeviceFaultError, match=r"polarizer: its home offset is 0 degrees, and should be -11\.25"):
+        rotator.connect()
+
+
+def test_home_offset_of_the_rig_file_is_demanded(bus):
+    _, wire = bus(ANSWERS | {b"0go": b"0HO00004600\r\n"})
+    assert rotator_on(wire, home_offset_deg=45.0).connect() == ()
+    with pytest.raises(DeviceFaultError, match=r"its home offset is 45 degrees, and should be 0: .*home_offset_deg"):
+        rotator_on(wire, home_offset_deg=0.0).connect()
 
 
 @pytest.mark.parametrize(
@@ -232,14 +252,25 @@ def test_move_is_the_sheets_and_comes_a_tenth_of_a_second_after_an_answer(rotato
 
 
 def test_position_is_read_in_the_pulses_that_the_module_names(rotator):
-    peer, rotator = rotator({b"0gp": [b"0PO00004600\r\n", b"0POFFFFFFFD\r\n"]})
+    _, rotator = rotator({b"0gp": [b"0PO00004600\r\n", b"0POFFFFFFFD\r\n"]})
     rotator.connect()
     assert rotator.position_deg() == 45.0
     assert rotator.position_deg() == pytest.approx(-3 * 360 / 143_360)
-    other = b"0IN081140028420211401016800040000\r\n"
-    peer._answers |= {b"0in": [other], b"0gp": [b"0PO00004000\r\n"]}
+
+
+def test_position_is_read_in_the_pulses_of_another_model(rotator):
+    _, rotator = rotator({b"0in": b"0IN081140028420211401016800040000\r\n", b"0gp": b"0PO00004000\r\n"})
     rotator.connect()
     assert rotator.position_deg() == 22.5
+
+
+def test_another_module_at_the_address_is_not_taken_for_the_one_before(rotator):
+    other = IDENTITY.replace(b"11400284", b"11400285")
+    _, rotator = rotator({b"0in": [IDENTITY, other]})
+    rotator.connect()
+    rotator.reconnect()
+    with pytest.raises(DeviceFaultError, match="another device answers since the link was lost: '0E11400285"):
+        rotator.connect()
 
 
 @pytest.mark.parametrize("interim", [b"0GS09\r\n", b"0GS09\r\n0GS09\r\n"])
@@ -334,7 +365,7 @@ def test_target_that_has_no_packet_is_refused_before_the_first_byte(rotator):
     rotator.connect()
     with pytest.raises(LimitError, match="more than the module can count"):
         rotator.start_move(1e7)
-    assert peer.commands[-1] == b"0gv"
+    assert peer.commands[-1] == b"0go"
 
 
 def test_homing_leaves_a_mark_that_shows_whether_the_module_was_switched_off(rotator, clock):
@@ -607,6 +638,16 @@ def slider(bus):
     return make
 
 
+def test_slider_is_told_to_stop_over_a_fresh_connection(slider, until):
+    peer, slider = slider()
+    slider.connect()
+    peer.vanish()
+    until(lambda: bool(select.select([slider._module._bus._link], [], [], 0)[0]))
+    slider.stop()
+    assert (peer.connections, peer.commands[-1]) == (2, b"3st")
+    assert not slider.is_moving()
+
+
 def test_slider_steps_to_a_slot_one_step_after_the_other(slider, clock):
     changes = {b"3fw": [b"3PO00000020\r\n", b"3PO00000040\r\n", b"3GS00\r\n"]}
     peer, slider = slider(changes | {b"3gp": [b"3PO00000000\r\n", b"3PO0000005F\r\n"]})
@@ -662,7 +703,7 @@ def test_stopped_slider_takes_no_further_step(slider, clock, until):
     assert peer.commands.count(b"3fw") == 1
 
 
-@pytest.mark.parametrize("position", [b"00000010", b"FFFFFFE0", b"00000080"])
+@pytest.mark.parametrize("position", [b"00000010", b"FFFFFFE0", b"00000080", b"00000023", b"0000002F"])
 def test_slider_between_slots_has_none(slider, position):
     peer, slider = slider({b"3gp": b"3PO" + position + b"\r\n"})
     slider.connect()
@@ -670,6 +711,13 @@ def test_slider_between_slots_has_none(slider, position):
     with pytest.raises(PositionError, match="analyzer: the slider stands between its slots"):
         slider.start_select(1)
     assert peer.commands[-1] == b"3gp"
+
+
+@pytest.mark.parametrize("position", [b"0000001E", b"00000020", b"00000022"])
+def test_slot_is_where_it_should_be_or_very_near(slider, position):
+    _, slider = slider({b"3gp": b"3PO" + position + b"\r\n"})
+    slider.connect()
+    assert slider.slot() == 2
 
 
 @pytest.mark.parametrize("slot", [0, 5, -1])

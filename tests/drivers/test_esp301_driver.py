@@ -4,9 +4,10 @@ import select
 
 import pytest
 
-from drivers.axis import Axis, Travel
+from drivers.axis import Axis
 from drivers.newport_esp301.errors import ControllerError, parse_error
 from drivers.newport_esp301.stage import NewportEsp301
+from drivers.travel import Travel
 from goniometer.errors import DeviceFaultError, LimitError, NotConnectedError, ReplyError, ReplyTimeoutError
 
 IDENTITY = b"ESP301 Version 3.0.1 6/1/99\r\n"
@@ -108,6 +109,27 @@ def test_controller_that_was_reset_in_motion_is_not_taken_to_have_arrived(arm):
         axis.is_moving()
 
 
+def test_controller_that_was_reset_while_its_link_was_lost_is_not_set_up_again(arm):
+    """Its motor is off; switched on, it would count from where it stands."""
+    peer, _, axis = arm(**{"1MO": [b"1\r\n", b"0\r\n"]})
+    axis.connect()
+    axis.reconnect()
+    sent = len(peer.commands)
+    with pytest.raises(DeviceFaultError, match=r"the motor is off: .* Not done: the axis was not set up again"):
+        axis.connect()
+    assert b"1MO" not in peer.commands[sent:]
+
+
+def test_another_stage_at_the_connector_is_not_taken_for_the_one_before(arm):
+    peer, _, axis = arm(**{"1ID": [b"URS100CC, SN1234\r\n", b"URS100CC, SN1235\r\n"]})
+    axis.connect()
+    axis.reconnect()
+    sent = len(peer.commands)
+    with pytest.raises(DeviceFaultError, match=r"source_arm: another device answers .*SN1235.*SN1234"):
+        axis.connect()
+    assert not [command for command in peer.commands[sent:] if command.startswith(b"1VA")]
+
+
 def test_home_search_is_the_controllers_own_and_is_waited_for(arm):
     peer, _, axis = arm(**{"1MD": [b"0\r\n", b"1\r\n"]})
     axis.start_homing()
@@ -165,7 +187,7 @@ def test_motion_has_twice_its_duration_and_five_seconds(arm, clock):
     clock.time_s = 2 * expected_s + 5 - 1e-6
     assert axis.is_moving()
     clock.time_s += 2e-6
-    with pytest.raises(ReplyTimeoutError, match="source_arm: the motion to 60 degrees has not ended"):
+    with pytest.raises(DeviceFaultError, match="source_arm: the motion to 60 degrees has not ended"):
         axis.is_moving()
 
 
@@ -187,6 +209,19 @@ def test_garbage_position_is_refused(arm, answer):
 def test_garbage_motion_state_is_refused(arm):
     _, _, axis = arm(**{"1MD": b"2\r\n"})
     with pytest.raises(ReplyError, match="not 0 or 1"):
+        axis.is_moving()
+
+
+def test_lines_without_an_answer_are_ten_milliseconds_apart(arm, clock):
+    _, _, axis = arm()
+    axis.stop()
+    assert clock.time_s == pytest.approx(0.02)
+
+
+def test_search_for_home_that_was_aborted_by_nobody_here_is_a_fault(arm):
+    _, _, axis = arm(TB=[CLEAN, b"120, 5, AXIS-1 HOMING ABORTED\r\n", CLEAN])
+    axis.start_homing()
+    with pytest.raises(DeviceFaultError, match="source_arm: the controller reports error 120, homing aborted"):
         axis.is_moving()
 
 
@@ -247,6 +282,14 @@ def test_late_answer_is_not_taken_for_the_next_one(arm):
     assert peer.commands == [b"1TP?", b"WT0", b"VE?", b"1TP?"]
 
 
+def test_many_late_answers_are_dropped(arm):
+    peer, _, axis = arm(
+        reply_timeout_s=0.05, **{"1TP": [b"", b"34.000000\r\n"], "VE": b"12.500000\r\n" * 20 + IDENTITY}
+    )
+    assert axis.position_deg() == 34.0
+    assert peer.commands == [b"1TP?", b"WT0", b"VE?", b"1TP?"]
+
+
 def test_late_identity_does_not_put_answers_one_question_behind(arm):
     answers = {"1TP": [b"", b"34.000000\r\n", b"35.000000\r\n"], "VE": [b"", b"12.500000\r\n" + 2 * IDENTITY]}
     _, _, axis = arm(reply_timeout_s=0.05, **answers)
@@ -302,9 +345,15 @@ def test_connects_behind_a_line_that_another_program_left_unfinished(arm):
 
 
 def test_error_queue_without_an_end_is_refused(arm):
-    _, controller, _ = arm(TB=b"6, 5, COMMAND DOES NOT EXIST\r\n")
+    peer, controller, _ = arm(TB=b"6, 5, COMMAND DOES NOT EXIST\r\n")
     with pytest.raises(ReplyError, match="end of a queue of ten errors"):
         controller.connect()
+    assert peer.commands.count(b"TB?") == 11
+
+
+def test_full_error_queue_is_read_to_its_end(arm):
+    _, controller, _ = arm(TB=[b"6, 5, COMMAND DOES NOT EXIST\r\n"] * 10 + [CLEAN])
+    assert len(controller.connect()) == 10
 
 
 @pytest.mark.parametrize(

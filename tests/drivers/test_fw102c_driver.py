@@ -13,6 +13,7 @@ ANSWERS = {
     b"999!2": MARKS[1],
     b"*idn?": IDENTITY,
     b"pcount?": b"pcount?\r6\r> ",
+    b"sensors=0": b"sensors=0\r> ",
     b"pos?": b"pos?\r3\r> ",
 }
 
@@ -58,7 +59,7 @@ def wheel(make_peer, open_link, clock):
 def test_connects_without_moving(wheel):
     peer, wheel = wheel()
     wheel.connect()
-    assert peer.commands == [b"999!1", b"*idn?", b"pcount?"]
+    assert peer.commands == [b"999!1", b"*idn?", b"pcount?", b"sensors=0"]
 
 
 @pytest.mark.parametrize("typed", [b"pos=4", b"pos=1", b"pos=", b"po", b"\x1b["])
@@ -68,13 +69,24 @@ def test_connecting_does_not_end_what_another_program_left_half_typed(make_peer,
     link = open_link(peer.port, "analyzer")
     link.write(typed)
     ThorlabsFw102c(link, clock, name="analyzer", slots=6, slot_s=0.5, settle_s=0.05).connect()
-    assert peer.commands == [typed + b"999!1", b"*idn?", b"pcount?"]
+    assert peer.commands == [typed + b"999!1", b"*idn?", b"pcount?", b"sensors=0"]
 
 
 def test_connects_through_zero_bytes_and_the_answers_of_an_earlier_user(wheel):
     _, wheel = wheel(changes={b"999!1": b"\x00\x00pos=3\r> \x00" + MARKS[0]})
     wheel.connect()
     assert wheel.slot() == 3
+
+
+def test_port_opened_afresh_in_a_motion_forgets_it(wheel, until):
+    peer, wheel = wheel(changes={b"pos=4": b"pos=4\r"})
+    wheel.start_select(4)
+    until(lambda: peer.commands == [b"pos=4"])
+    wheel.reconnect()
+    assert not wheel.is_moving()
+    assert wheel.connect() == ()
+    assert wheel.slot() == 3
+    assert peer.commands == [b"pos=4", b"999!1", b"*idn?", b"pcount?", b"sensors=0", b"pos?"]
 
 
 def test_wheel_with_other_slots_is_refused(wheel):

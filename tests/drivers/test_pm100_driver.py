@@ -13,6 +13,7 @@ NONE = b'+0,"No error"\n'
 ANSWERS = {
     b"*IDN?": b"THORLABS,PM100D,P0012345,2.8.0\n",
     b"SYST:ERR?": NONE,
+    b"SENS:CORR?": b"0.0\n",
     b"SENS:CORR:WAV? MIN": b"400\n",
     b"SENS:CORR:WAV? MAX": b"1100\n",
     b"SENS:CORR:WAV?": b"550\n",
@@ -26,9 +27,10 @@ RESYNCHRONISING = [b"SENS:POW:UNIT W", b"*IDN?"]
 
 @pytest.fixture
 def meter(make_peer, open_link, clock):
-    def make(reply_timeout_s=2.0, changes=None):
+    def make(reply_timeout_s=2.0, changes=None, **parameters):
         peer = make_peer(ANSWERS | (changes or {}), terminator=b"\n")
-        return peer, ThorlabsPm100(open_link(peer.port, "meter", reply_timeout_s), clock, name="meter", sample_s=0.003)
+        link = open_link(peer.port, "meter", reply_timeout_s)
+        return peer, ThorlabsPm100(link, clock, name="meter", sample_s=0.003, **parameters)
 
     return make
 
@@ -69,8 +71,8 @@ def test_connects_and_returns_old_errors(meter):
     peer, meter = meter(changes={b"SYST:ERR?": [b'-113,"Undefined header"\n', NONE]})
     assert meter.connect() == ("-113 Undefined header",)
     assert peer.commands == [
-        *(b"SENS:POW:UNIT W", b"*IDN?", b"SYST:ERR?", b"SYST:ERR?"),
-        *(b"SENS:POW:UNIT W", b"SENS:POW:RANG:AUTO 1", b"SYST:ERR?"),
+        *(b"SENS:POW:UNIT W", b"*IDN?", b"*IDN?", b"SYST:ERR?", b"SYST:ERR?"),
+        *(b"SENS:POW:UNIT W", b"SENS:POW:RANG:AUTO 1", b"SYST:ERR?", b"SENS:CORR?"),
     ]
 
 
@@ -80,6 +82,19 @@ def test_meter_without_a_sensor_is_a_fault(meter):
         DeviceFaultError, match="meter: the meter refused watts and automatic range: -241 Hardware missing"
     ):
         meter.connect()
+
+
+@pytest.mark.parametrize(("held", "rig_db", "factor"), [(b"3\n", 0.0, "1.995"), (b"0\n", 20.0, "0.01")])
+def test_correction_for_another_attenuator_is_refused_and_left_alone(meter, held, rig_db, factor):
+    peer, meter = meter(changes={b"SENS:CORR?": held}, attenuation_db=rig_db)
+    with pytest.raises(DeviceFaultError, match=rf"meter: .* wrong by a factor of {factor}\. .*attenuation_db: "):
+        meter.connect()
+    assert not [command for command in peer.commands if command.startswith(b"SENS:CORR ")]
+
+
+def test_correction_for_the_attenuator_of_the_rig_file_is_taken(meter):
+    _, meter = meter(changes={b"SENS:CORR?": b"20.001\n"}, attenuation_db=20.0)
+    assert meter.connect() == ()
 
 
 def test_other_device_on_the_port_is_refused(meter):
@@ -310,7 +325,8 @@ def test_meter_that_was_switched_off_is_set_up_again(meter, until):
     with pytest.raises(NotConnectedError, match="meter: the link on port"):
         until(lambda: bool(meter.start_reading(0.03)))
     sent = len(peer.commands)
-    assert meter.reconnect() == ()
+    meter.reconnect()
+    assert meter.connect() == ()
     with pytest.raises(ReplyError, match="there is no finished reading"):
         meter.power_w()
     meter.start_reading(0.03)
@@ -319,3 +335,29 @@ def test_meter_that_was_switched_off_is_set_up_again(meter, until):
         peer.commands[sent:]
     )
     assert meter.power_w() == 1.234205e-3
+
+
+def test_meter_that_is_checked_again_over_the_same_link_is_set_up_again(meter, until):
+    """It may have been switched off while the link of another device was lost."""
+    peer, meter = meter()
+    meter.connect()
+    meter.set_wavelength_nm(550)
+    meter.start_reading(0.03)
+    until(lambda: not meter.is_reading())
+    sent = len(peer.commands)
+    meter.connect()
+    meter.start_reading(0.03)
+    until(lambda: not meter.is_reading())
+    assert {b"SENS:POW:UNIT W", b"SENS:POW:RANG:AUTO 1", b"SENS:CORR:WAV 550", b"SENS:AVER 10"} <= set(
+        peer.commands[sent:]
+    )
+
+
+def test_another_meter_on_the_port_is_not_taken_for_the_one_before(meter):
+    first, other = b"THORLABS,PM100D,P0012345,2.8.0\n", b"THORLABS,PM100D,P0054321,2.8.0\n"
+    peer, meter = meter(changes={b"*IDN?": [first, first, other]})
+    meter.connect()
+    meter.reconnect()
+    with pytest.raises(DeviceFaultError, match=r"meter: another device answers .*P0054321.* before .*P0012345"):
+        meter.connect()
+    assert peer.commands[-1] == b"*IDN?", "it was told nothing"

@@ -85,7 +85,14 @@ class TestConnecting:
         assert stage.connect() == ()
         assert lec.written == [(SERIAL, True), (SERVO, True)]
 
-    def test_left_over_alarm_is_reset_and_told(self, stage, lec, monkeypatch):
+    def test_left_over_alarm_is_refused_and_stays(self, stage, lec):
+        lec.inputs[ALARM] = True
+        with pytest.raises(DeviceFaultError, match=r"has an alarm.*then: goniometer home --axis sample_azimuth"):
+            stage.connect()
+        assert lec.written == [(SERIAL, True)]
+
+    def test_left_over_alarm_is_reset_for_who_asks_for_homing_and_told(self, make_stage, lec, monkeypatch):
+        stage = make_stage(may_reset_alarm=True)
         lec.inputs[ALARM] = True
         write = lec.write_coil
 
@@ -111,7 +118,8 @@ class TestConnecting:
         assert stage.connect() == ("a motion on hold, which was given up",)
         assert lec.written[1:] == [(SERVO, False), (SET_UP, False), (HOLD, False), (SERVO, True), (SERVO, True)]
 
-    def test_alarm_that_stays_is_a_fault(self, stage, lec):
+    def test_alarm_that_stays_is_a_fault(self, make_stage, lec):
+        stage = make_stage(may_reset_alarm=True)
         lec.inputs[ALARM] = True
         with pytest.raises(DeviceFaultError, match=r"sample_azimuth: its alarm cannot be reset"):
             stage.connect()

@@ -8,7 +8,14 @@ import numpy as np
 import pytest
 
 from drivers.stanford_sr830.detector import StanfordSr830
-from drivers.stanford_sr830.lock_in import TIME_CONSTANTS_S, Condition, Settings, parse_condition, parse_sample
+from drivers.stanford_sr830.lock_in import (
+    TIME_CONSTANTS_S,
+    Condition,
+    Settings,
+    parse_condition,
+    parse_offset,
+    parse_sample,
+)
 from goniometer.errors import DeviceFaultError, LimitError, NotConnectedError, ReplyError, ReplyTimeoutError
 
 IDENTITY = b"Stanford_Research_Systems,SR830,s/n12345,ver1.07\r"
@@ -18,12 +25,23 @@ ANSWERS = {
     b"OFLT?": b"8\r",
     b"OFSL?": b"3\r",
     b"FMOD?": b"0\r",
+    b"ISRC?": b"0\r",
+    b"HARM?": b"1\r",
+    b"OEXP? 3": b"0.0,0\r",
     b"SENS?": b"17\r",
     b"SNAP? 3,4,9": b"0.000202046,-12.5,317.25\r",
 }
 TIME_CONSTANT_S, SETTLING_S = 0.1, 1.6
 
-SETTINGS = [b"OFLT?", b"OFSL?", b"FMOD?"]
+SETTINGS = [b"OFLT?", b"OFSL?", b"ISRC?", b"FMOD?", b"HARM?", b"OEXP? 3"]
+OTHER_SETTINGS = [
+    {b"OFLT?": b"9\r"},
+    {b"OFSL?": b"2\r"},
+    {b"FMOD?": b"1\r"},
+    {b"ISRC?": b"2\r"},
+    {b"HARM?": b"3\r"},
+    {b"OEXP? 3": b"50,0\r"},
+]
 
 
 @pytest.fixture
@@ -104,19 +122,34 @@ class TestConnecting:
     def test_answers_are_sent_here_before_anything_is_asked(self, lock_in):
         peer, lock_in = lock_in()
         assert lock_in.connect() == ()
-        assert peer.commands == [b"OUTX 0", b"*IDN?", b"LIAS?", *SETTINGS]
+        assert peer.commands == [b"OUTX 0", b"*IDN?", b"*IDN?", b"LIAS?", *SETTINGS]
 
-    def test_filter_and_reference_are_set_where_they_are_others(self, lock_in):
-        changes = {b"OFLT?": [b"10\r", b"8\r"], b"OFSL?": [b"1\r", b"3\r"], b"FMOD?": [b"1\r", b"0\r"]}
-        peer, lock_in = lock_in(changes)
-        lock_in.connect()
-        assert peer.commands[3:] == [*SETTINGS, b"OFLT 8", b"OFSL 3", b"FMOD 0", *SETTINGS]
+    def test_settings_are_set_where_they_are_others_and_told(self, lock_in):
+        filters = {b"OFLT?": [b"10\r", b"8\r"], b"OFSL?": [b"1\r", b"3\r"], b"FMOD?": [b"1\r", b"0\r"]}
+        others = {b"HARM?": [b"3\r", b"1\r"], b"ISRC?": [b"1\r", b"0\r"], b"OEXP? 3": [b"-12.5,1\r", b"0,0\r"]}
+        peer, lock_in = lock_in(filters | others)
+        notes = lock_in.connect()
+        told = [b"OFLT 8", b"OFSL 3", b"ISRC 0", b"FMOD 0", b"HARM 1", b"OEXP 3,0,0"]
+        assert peer.commands[4:] == [*SETTINGS, *told, *SETTINGS]
+        was = "time constant 1 s/slope 12 dB/input A-B/internal reference/harmonic 3/offset of R -12.5 %"
+        assert notes == tuple(f"{setting}, which was changed" for setting in was.split("/"))
 
-    @pytest.mark.parametrize("kept", [{b"OFLT?": b"7\r"}, {b"OFSL?": b"0\r"}, {b"FMOD?": b"1\r"}])
+    def test_input_is_the_one_of_the_rig_file(self, lock_in):
+        settings = Settings(TIME_CONSTANT_S, 24, "A-B")
+        peer, lock_in = lock_in({b"ISRC?": [b"0\r", b"1\r"]}, settings=settings)
+        assert lock_in.connect() == ("input A, which was changed",)
+        assert b"ISRC 1" in peer.commands
+
+    @pytest.mark.parametrize("kept", OTHER_SETTINGS)
     def test_lock_in_that_keeps_other_settings_is_refused(self, lock_in, kept):
         _, lock_in = lock_in(kept)
-        with pytest.raises(ReplyError, match=r"lock_in: the answer to 'OFLT\?, OFSL\? and FMOD\?' is .* just set"):
+        with pytest.raises(ReplyError, match=r"lock_in: the answer to 'OFLT\? \.\.\. OEXP\?' is .* just set"):
             lock_in.connect()
+
+    @pytest.mark.parametrize("answer", [b"", b"1", b"1,2,3", b"x,0", b"nan,0"])
+    def test_malformed_offset_is_refused(self, answer):
+        with pytest.raises(ReplyError, match=r"OEXP\? 3"):
+            parse_offset("lock_in", answer.decode())
 
     def test_what_was_left_over_is_told(self, lock_in):
         _, lock_in = lock_in({b"LIAS?": b"45\r"})
@@ -129,6 +162,13 @@ class TestConnecting:
     def test_other_device_is_refused(self, lock_in):
         _, lock_in = lock_in({b"*IDN?": b"Stanford_Research_Systems,SR400,s/n1,ver1.0\r" * 40})
         with pytest.raises(ReplyError, match="identity with STANFORD_RESEARCH_SYSTEMS,SR8 in it"):
+            lock_in.connect()
+
+    def test_another_lock_in_is_not_taken_for_the_one_before(self, lock_in):
+        _, lock_in = lock_in({b"*IDN?": [IDENTITY, IDENTITY, IDENTITY.replace(b"12345", b"54321")]})
+        lock_in.connect()
+        lock_in.reconnect()
+        with pytest.raises(DeviceFaultError, match="lock_in: another device answers since the link was lost"):
             lock_in.connect()
 
     def test_silent_device_is_a_timeout(self, lock_in):
@@ -159,7 +199,7 @@ class TestReading:
         lock_in.start_reading(0.5)
         clock.time_s = settings.settling_s - 1e-6
         assert lock_in.is_reading()
-        assert peer.commands[-1] == b"FMOD?"
+        assert peer.commands[-1] == SETTINGS[-1]
         clock.time_s += 2e-6
         assert lock_in.is_reading()
         assert peer.commands[-1] == b"LIAS?"
@@ -197,7 +237,24 @@ class TestReading:
         cosines = [1, 1, math.cos(math.radians(30)), -1, 1, math.cos(math.radians(120))]
         np.testing.assert_allclose(told_w, np.array([1e-9, 5e-7, 1e-9, 1e-9, 5e-7, 1e-9]) * cosines, rtol=1e-9)
 
-    @pytest.mark.parametrize("changed", [{b"OFLT?": b"9\r"}, {b"OFSL?": b"2\r"}, {b"FMOD?": b"1\r"}])
+    @pytest.mark.parametrize(("reference", "sign"), [(b"0\r", -1), (b"1\r", 1)])
+    def test_phase_of_the_light_is_kept_over_a_lost_link_unless_the_lock_in_was_reset(
+        self, lock_in, finish, reference, sign
+    ):
+        bright, dim = b"1e-6,70,300\r", b"2e-9,-110,300\r"
+        peer, lock_in = lock_in({b"SNAP? 3,4,9": [bright, dim]})
+        lock_in.connect()
+        lock_in.start_reading(0.1)
+        finish(lock_in)
+        np.testing.assert_allclose(lock_in.power_w(), 5e-7, rtol=1e-9)
+        lock_in.reconnect()
+        peer._answers |= {b"FMOD?": [reference, b"0\r"]}
+        lock_in.connect()
+        lock_in.start_reading(0.1)
+        finish(lock_in)
+        np.testing.assert_allclose(lock_in.power_w(), sign * 1e-9, rtol=1e-9)
+
+    @pytest.mark.parametrize("changed", OTHER_SETTINGS)
     def test_reset_lock_in_gives_no_reading(self, lock_in, finish, changed):
         peer, lock_in = lock_in()
         lock_in.connect()
@@ -336,4 +393,4 @@ class TestLine:
         lock_in.start_reading(0.5)
         finish(lock_in)
         assert lock_in.power_w() > 0
-        assert peer.commands[4:7] == [b"OUTX 0", b"*IDN?", b"LIAS?"]
+        assert peer.commands[1 + len(SETTINGS) :][:3] == [b"OUTX 0", b"*IDN?", b"LIAS?"]
