@@ -8,13 +8,16 @@ from contextlib import ExitStack, contextmanager
 from acquisition.engine import Bench
 from drivers.clock import Clock
 from drivers.interlock import Interlock
+from drivers.wire.wire_log import WireLog
 from goniometer.rig_devices.connecting import Connecting
 from goniometer.rig_devices.entry import ROLES
 from goniometer.rig_file import Rig
 
 
 @contextmanager
-def connected(rig: Rig, ports: Mapping[str, str], clock: Clock, wavelength_nm: float | None) -> Iterator[Bench]:
+def connected(
+    rig: Rig, ports: Mapping[str, str], clock: Clock, wavelength_nm: float | None, wire_log: WireLog | None = None
+) -> Iterator[Bench]:
     """Connect every device of a rig, and close them all afterwards; nothing moves.
 
     Parameters
@@ -27,6 +30,8 @@ def connected(rig: Rig, ports: Mapping[str, str], clock: Clock, wavelength_nm: f
         The bench's clock.
     wavelength_nm : float or None
         Told to detectors whose response depends on it; None leaves them the one that they have.
+    wire_log : WireLog, optional
+        Where every byte is written down.
 
     Raises
     ------
@@ -34,7 +39,7 @@ def connected(rig: Rig, ports: Mapping[str, str], clock: Clock, wavelength_nm: f
         When a device does not answer, or is not what the rig file says.
     """
     with ExitStack() as open_devices:
-        bench = Connecting(ports, clock, wavelength_nm, open_devices)
+        bench = Connecting(ports, clock, wavelength_nm, open_devices, wire_log)
         # a rotating analyzer is carried by an axis that another device turns
         for name, entry in sorted(rig.devices.items(), key=lambda item: item[1].part != "axes"):
             entry.connect(name, bench)
@@ -50,4 +55,5 @@ def connected(rig: Rig, ports: Mapping[str, str], clock: Clock, wavelength_nm: f
             Interlock(rig.zones, {role: axes[role] for role in ROLES}),
             axes.get("polarizer"),
             tuple(axes[role] for role, axis in rig.axes().items() if axis.home_at_start),
+            axes.get("retarder"),
         )

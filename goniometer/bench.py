@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping
 from contextlib import closing, contextmanager
 from dataclasses import dataclass
+from numbers import Real
 from pathlib import Path
 from typing import Literal
 
@@ -16,7 +18,7 @@ from goniometer.rig_file import Rig
 from sim_devices.bench import Bench as SimulatedBench
 from sim_devices.scene import Scene
 from sim_devices.serving.clock import ScaledClock, VirtualClock
-from sim_devices.serving.control import RemoteClock
+from sim_devices.serving.remote_clock import RemoteClock
 
 Speed = float | Literal["max"]
 
@@ -45,15 +47,30 @@ def simulate(scene: Scene | str | Path, speed: Speed = 1.0) -> Iterator[Simulate
     ------
     sim_devices.bench.Bench
         Its `addresses` say where each device listens, its `clock` is the bench's time.
+
+    Raises
+    ------
+    ConfigurationError
+        When the scene cannot be used, or the speed is neither a positive number nor "max".
     """
     if not isinstance(scene, Scene):
         scene = load_scene(Path(scene)).scene
-    bench = SimulatedBench(scene, VirtualClock() if speed == "max" else ScaledClock(speed))
+    bench = SimulatedBench(scene, _clock(speed))
     bench.start()
     try:
         yield bench
     finally:
         bench.stop()
+
+
+def _clock(speed: Speed) -> VirtualClock | ScaledClock:
+    if speed == "max":
+        return VirtualClock()
+    if not (isinstance(speed, Real) and 0 < speed < math.inf):
+        raise ConfigurationError(
+            [f"got the speed {speed!r}; allowed: a number, its seconds in a real one, or 'max' for virtual time"]
+        )
+    return ScaledClock(speed)
 
 
 @contextmanager

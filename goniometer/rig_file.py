@@ -46,7 +46,7 @@ class Rig(Section):
         holders: dict[Role, list[str]] = {}
         for name, device in self.devices.items():
             if isinstance(device, AxesEntry):
-                for role in device.axes_by_role():
+                for role in device.axes:
                     holders.setdefault(role, []).append(name)
         for role in needed:
             if role not in holders:
@@ -149,5 +149,5 @@ class Rig(Section):
             role: axis
             for device in self.devices.values()
             if isinstance(device, AxesEntry)
-            for role, axis in device.axes_by_role().items()
+            for role, axis in device.axes.items()
         }

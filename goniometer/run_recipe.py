@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import importlib.metadata
-import platform
 import sys
 from collections.abc import Iterator, Sequence
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
+from datetime import datetime
 from pathlib import Path
 
 from acquisition import journal
@@ -22,8 +21,11 @@ from goniometer.assembly import connected
 from goniometer.bench import Speed, access
 from goniometer.load_files import Setup, load_recipe
 from goniometer.planning import aim, course, plan, reduction
-from goniometer.run_folder import StoredRun, load, new_run_folder, scene_truth, write_results
+from goniometer.provenance import provenance
+from goniometer.run_folder import StoredRun, new_run_folder, scene_truth, stored_run, write_results
+from goniometer.run_lock import sole_writer
 from goniometer.signals import Interruption
+from goniometer.wire_trace import WIRE_LOG, wire_log
 
 _SWITCH_INTERVAL_S = 5e-5
 """How long the live fit's thread may keep the interpreter from the scan's; Python's default of 5 ms would be felt."""
@@ -36,6 +38,7 @@ def run(
     out: str | Path = "runs",
     speed: Speed | None = None,
     live_fit: bool = True,
+    trace: bool = False,
     subscribers: Sequence[Subscriber] = (),
 ) -> StoredRun:
     """Run a recipe, store every reading, fit while it runs, and write the results.
@@ -53,6 +56,8 @@ def run(
     live_fit : bool
         Whether to fit while the scan runs; the final fit is made in any case, and so are those by which a scan with
         `until` or `adaptive` decides.
+    trace : bool
+        Whether every byte sent and received is written into `wire.log` in the run's folder.
     subscribers : sequence of callable
         Called with every event of the scan, in the calling thread.
 
@@ -72,10 +77,10 @@ def run(
     """
     setup = load_recipe(Path(recipe_path), Path(rig_path) if rig_path else None)
     with Interruption() as interruption:
-        folder = _measure(setup, Path(out), speed, live_fit, subscribers, interruption)
+        folder = _measure(setup, Path(out), speed, live_fit, trace, subscribers, interruption)
         try:
             interruption.check()
-            result = load(folder)
+            result = stored_run(folder)
             if result.fit is not None:
                 for subscriber in subscribers:
                     subscriber(FitUpdated(len(result.points), result.fit))
@@ -92,6 +97,7 @@ def _measure(
     out: Path,
     speed: Speed | None,
     live_fit: bool,
+    trace: bool,
     subscribers: Sequence[Subscriber],
     interruption: Interruption,
 ) -> Path:
@@ -100,10 +106,13 @@ def _measure(
     with ExitStack() as stack:
         bench_access = stack.enter_context(access(setup, speed))
         clock = bench_access.clock
-        bench = stack.enter_context(connected(rig, bench_access.ports, clock, recipe.wavelength_nm))
+        folder, begun = new_run_folder(out, recipe.recipe), datetime.now().astimezone()
+        stack.callback(_remove_if_empty, folder)
+        log = stack.enter_context(wire_log(folder / WIRE_LOG if trace else None, clock))
+        bench = stack.enter_context(connected(rig, bench_access.ports, clock, recipe.wavelength_nm, log))
         interruption.check()
-        folder = new_run_folder(out, recipe.recipe)
-        about = _about(setup, bench_access.scene_text)
+        stack.enter_context(sole_writer(folder))
+        about = provenance(setup, bench_access.scene_text, begun)
         stored = stack.enter_context(Journal.create(folder / journal.FILE_NAME, about))
         fitting = None
         if live_fit and not recipe.is_steered:
@@ -123,7 +132,14 @@ def _measure(
             else:
                 error.add_note(f"No reading had been taken; {folder} holds none.")
             raise
+        stored.remember("ended", way.reason)
     return folder
+
+
+def _remove_if_empty(folder: Path) -> None:
+    """Leave no folder of a run that has not begun, because a device was not there."""
+    with suppress(OSError):
+        folder.rmdir()
 
 
 def _started(setup: Setup, folder: str, scene_text: str, notes: tuple[str, ...]) -> ScanStarted:
@@ -172,17 +188,3 @@ def _switching_threads_often() -> Iterator[None]:
         yield
     finally:
         sys.setswitchinterval(before_s)
-
-
-def _about(setup: Setup, scene_text: str) -> dict[str, str]:
-    """What a run must remember to be understood and repeated."""
-    about = {
-        "recipe": setup.recipe_text,
-        "rig": setup.rig_text,
-        "scene": scene_text,
-        "python": platform.python_version(),
-        "platform": platform.platform(),
-    }
-    for package in ("goniometer", "numpy", "scipy", "pyserial"):
-        about[package] = importlib.metadata.version(package)
-    return about

@@ -72,7 +72,15 @@ class Alignment:
 
 
 def align(
-    rig_path: Path, arm: Arm, from_deg: float, to_deg: float, step_deg: float | None, tell: Tell, *, store: bool
+    rig_path: Path,
+    arm: Arm,
+    from_deg: float,
+    to_deg: float,
+    step_deg: float | None,
+    tell: Tell,
+    *,
+    store: bool,
+    trace: Path | None = None,
 ) -> Alignment:
     """Scan an arm across the mirror direction and find the zero at which mirror direction and arm agree.
 
@@ -94,6 +102,8 @@ def align(
         Takes what happens.
     store : bool
         Whether to write the new zero into the rig file.
+    trace : Path, optional
+        Where every byte sent and received is written down.
 
     Raises
     ------
@@ -105,8 +115,8 @@ def align(
         When the scan shows no peak whose centre is the mirror direction.
     """
     targets_deg = _targets_deg(from_deg, to_deg, step_deg)
-    with open_bench(rig_path, tell) as opened:
-        axis, mirror_deg = opened.axis(arm), opened.axis(_OTHER[arm]).position_deg()
+    with open_bench(rig_path, tell, trace) as opened:
+        axis, mirror_deg = opened.axes[arm], opened.axes[_OTHER[arm]].position_deg()
         if not from_deg < mirror_deg < to_deg:
             raise ConfigurationError(
                 [
@@ -121,7 +131,7 @@ def align(
             axis.permit([*axis.way_deg(axis.position_deg(), from_deg), to_deg])
         scan = _scan(opened, arm, targets_deg, tell)
         old_zero_deg = opened.rig.axes()[arm].zero_deg
-        standing_deg = opened.axis(_OTHER[arm]).tolerance_deg / math.sqrt(3)
+        standing_deg = opened.axes[_OTHER[arm]].tolerance_deg / math.sqrt(3)
     angle_deg, power_w, stddev_w = np.array(scan).T
     peak = fit_peak(angle_deg, power_w, _smoothed_stddev_w(power_w, stddev_w))
     zero_deg = old_zero_deg + peak.centre_deg - mirror_deg
@@ -178,7 +188,7 @@ def _scan(opened: OpenBench, arm: Arm, targets_deg: Floats, tell: Tell) -> list[
         f"{arm}: {targets_deg.size} points from {targets_deg[0]:g}° to {targets_deg[-1]:g}°, {_READINGS} readings of "
         f"{exposure_s:g} s each, through slot {slot} ({contents[slot]})"
     )
-    axis, scan = opened.axis(arm), []
+    axis, scan = opened.axes[arm], []
     for target_deg in targets_deg:
         axis.start_move(float(target_deg))
         opened.until_at_rest(axis)

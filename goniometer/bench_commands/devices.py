@@ -8,11 +8,14 @@ from pathlib import Path
 
 from serial.tools.list_ports import comports
 
+from drivers.clock import WallClock
 from goniometer.bench_commands.open_bench import Tell, reachable_rig
 from goniometer.bench_commands.probe import Probed, expected_rounds, probe, rounds_for
+from goniometer.errors import GoniometerError
 from goniometer.rig_devices.entry import DeviceEntry
 from goniometer.rig_file import Rig
 from goniometer.signals import Interruption
+from goniometer.wire_trace import wire_log
 
 
 @dataclass(frozen=True)
@@ -57,21 +60,24 @@ class Expected:
 
 @dataclass(frozen=True)
 class Devices:
-    """All ports that were asked, and what a rig file expects of them."""
+    """All ports that were to be asked, whether a person has named them, and what a rig file expects of them."""
 
     ports: tuple[FoundPort, ...]
     expected: tuple[Expected, ...] = ()
+    were_named: bool = False
 
     def __str__(self) -> str:
         return "\n".join(map(str, [*self.ports, *self.expected])) or "This computer has no serial port."
 
-    @property
-    def all_there(self) -> bool:
-        """Whether no device of the rig file is missing."""
-        return all(one.is_there is not False for one in self.expected)
+    def require_all(self) -> None:
+        """Raise GoniometerError unless every port that was named was asked, and every device expected is there."""
+        if self.were_named and not all(port.probed.was_asked for port in self.ports):
+            raise GoniometerError("Not every port could be asked: see above.")
+        if not all(one.is_there for one in self.expected):
+            raise GoniometerError("Not every device of the rig file was found: see above.")
 
 
-def devices(ports: Sequence[str], rig_path: Path | None, tell: Tell) -> Devices:
+def devices(ports: Sequence[str], rig_path: Path | None, tell: Tell, *, trace: Path | None = None) -> Devices:
     """Ask who answers at ports; nothing is moved and no setting is changed.
 
     Parameters
@@ -82,6 +88,8 @@ def devices(ports: Sequence[str], rig_path: Path | None, tell: Tell) -> Devices:
         A rig file whose expectations are checked.
     tell : callable
         Takes which port is being asked.
+    trace : Path, optional
+        Where every byte sent and received is written down.
 
     Raises
     ------
@@ -95,13 +103,13 @@ def devices(ports: Sequence[str], rig_path: Path | None, tell: Tell) -> Devices:
     of_rig = [one.port for one in rig.devices.values() if one.port] if rig else list(listed)
     asked = list(dict.fromkeys(ports or of_rig))
     found = []
-    with Interruption() as interruption:
+    with Interruption() as interruption, wire_log(trace, WallClock()) as log:
         for port in asked:
             tell(f"asking at {port}")
             info = listed.get(port)
             usb = (info.vid, info.pid) if info and info.vid is not None and info.pid is not None else None
             expected = [one for device in _at(port, rig) for one in expected_rounds(port, device)]
-            probed = probe(port, list(dict.fromkeys(expected)), rounds_for(port, usb))
+            probed = probe(port, list(dict.fromkeys(expected)), rounds_for(port, usb), log)
             found.append(FoundPort(port, info.description if info else "", usb, probed))
             interruption.check()
     by_port = {one.port: one.probed for one in found}
@@ -112,6 +120,7 @@ def devices(ports: Sequence[str], rig_path: Path | None, tell: Tell) -> Devices:
             for name, device in (rig.devices.items() if rig else ())
             if device.port in by_port
         ),
+        were_named=bool(ports),
     )
 
 

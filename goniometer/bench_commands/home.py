@@ -8,15 +8,25 @@ from pathlib import Path
 from drivers.axis import HOMING_S
 from drivers.clock import Clock
 from drivers.collision_zones import Span, entered
-from goniometer.bench_commands.open_bench import OpenBench, Tell, open_bench
+from goniometer.bench_commands.open_bench import OpenAxes, Tell, open_axes, reachable_rig, roles_of, zones_about
 from goniometer.errors import CollisionError, DeviceFaultError
 from goniometer.rig_devices.entry import Role
 
 _TELL_EVERY_S = 5.0
 
 
-def home(rig_path: Path, roles: Sequence[Role], tell: Tell, note: Tell, *, way_is_clear: bool) -> None:
+def home(
+    rig_path: Path,
+    roles: Sequence[Role],
+    tell: Tell,
+    note: Tell,
+    *,
+    way_is_clear: bool,
+    trace: Path | None = None,
+) -> None:
     """Home axes in the order given; all of them, source arm first, when none is given.
+
+    Nothing is connected but these axes and those that they could touch. An alarm that homing cures is reset first.
 
     Parameters
     ----------
@@ -28,6 +38,8 @@ def home(rig_path: Path, roles: Sequence[Role], tell: Tell, note: Tell, *, way_i
         Take what happens, and what devices said on connecting.
     way_is_clear : bool
         Whether a person has seen to it that an axis can touch nothing wherever it goes.
+    trace : Path, optional
+        Where every byte sent and received is written down.
 
     Raises
     ------
@@ -37,15 +49,16 @@ def home(rig_path: Path, roles: Sequence[Role], tell: Tell, note: Tell, *, way_i
     DeviceFaultError, ReplyTimeoutError
         When a stage does not find its zero.
     """
-    with open_bench(rig_path, note) as opened:
-        for role in roles or opened.roles:
+    roles = roles or roles_of(reachable_rig(rig_path))
+    with open_axes(rig_path, roles, note, trace, to_home=True, alone=way_is_clear) as opened:
+        for role in roles:
             if not way_is_clear:
                 _refuse_zones(opened, role)
             _home(opened, role, tell)
 
 
-def _home(opened: OpenBench, role: Role, tell: Tell) -> None:
-    axis, clock = opened.axis(role), opened.clock
+def _home(opened: OpenAxes, role: Role, tell: Tell) -> None:
+    axis, clock = opened.axes[role], opened.clock
     tell(f"{role}: searches its home position, {HOMING_S:g} s at most")
     start_s = clock.now()
     axis.start_homing()
@@ -74,15 +87,16 @@ class _Patience:
             self._tell(f"{self._role}: still searching after {now_s - self._start_s:.0f} s")
 
 
-def _refuse_zones(opened: OpenBench, role: Role) -> None:
+def _refuse_zones(opened: OpenAxes, role: Role) -> None:
     """Raise CollisionError unless the axis may go anywhere in its limits, wherever axes not homed may be in theirs."""
-    zones = opened.rig.zones
+    zones = zones_about(opened.rig, role)
     if not zones:
         return
-    spans: dict[str, Span] = {other: _span_deg(opened, other) for other in opened.rig.axes()}
+    others = {other for zone in zones for other in zone.roles()}
+    spans: dict[str, Span] = {other: opened.axes[other].span_deg() for other in opened.rig.axes() if other in others}
     low_deg, high_deg = opened.rig.axes()[role].limits_deg
     spans[role] = (min(low_deg, spans[role][0]), max(high_deg, spans[role][1]))
-    if zone := entered(zones, spans):
+    if zone := entered([entry.zone() for entry in zones], spans):
         standing = ", ".join(f"{other} {_in_words(span)}" for other, span in spans.items() if other != role)
         raise CollisionError(
             role,
@@ -92,12 +106,6 @@ def _refuse_zones(opened: OpenBench, role: Role) -> None:
             to_do="home or move the other axes out of the way first, or look that the way is clear and add "
             "--way-is-clear",
         )
-
-
-def _span_deg(opened: OpenBench, role: Role) -> Span:
-    """Where an axis may be: its position once it was homed, else anywhere in its limits."""
-    axis = opened.axis(role)
-    return axis.span_deg() if axis.is_homed() else opened.rig.axes()[role].limits_deg
 
 
 def _in_words(span: Span) -> str:

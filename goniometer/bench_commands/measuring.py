@@ -32,7 +32,7 @@ def whole_samples_s(detector: DetectorEntry, exposure_s: float) -> float:
 
 def select(opened: OpenBench, slot: int) -> None:
     """Bring a slot into the beam; raises LimitError for one that the analyzer has not."""
-    analyzer = opened.bench.analyzer
+    analyzer = opened.analyzer
     if analyzer.slot() != slot:
         analyzer.start_select(slot)
         opened.until_at_rest(analyzer)
@@ -40,7 +40,7 @@ def select(opened: OpenBench, slot: int) -> None:
 
 def take_reading_w(opened: OpenBench, exposure_s: float) -> float:
     """One reading, in W; raises DeviceFaultError when the detector was saturated."""
-    detector = opened.bench.detector
+    detector = opened.detector
     detector.start_reading(exposure_s)
     opened.wait(READING_POLL_S)
     while detector.is_reading():

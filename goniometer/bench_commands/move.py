@@ -7,13 +7,15 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from acquisition.timing import AxisTiming
-from goniometer.bench_commands.open_bench import Tell, open_bench
+from goniometer.bench_commands.open_bench import Tell, open_axes
 from goniometer.errors import PositionError
 from goniometer.rig_devices.entry import Role
 
 
-def move(rig_path: Path, role: Role, target_deg: float, tell: Tell, note: Tell) -> None:
+def move(rig_path: Path, role: Role, target_deg: float, tell: Tell, note: Tell, *, trace: Path | None = None) -> None:
     """Move an axis and tell where it was, how long it should take, and where it stands afterwards.
+
+    Nothing is connected but this axis and those that it could touch.
 
     Raises
     ------
@@ -22,8 +24,8 @@ def move(rig_path: Path, role: Role, target_deg: float, tell: Tell, note: Tell) 
     PositionError
         When the axis came to rest outside its tolerance.
     """
-    with open_bench(rig_path, note) as opened:
-        axis = opened.axis(role)
+    with open_axes(rig_path, [role], note, trace, alone=False) as opened:
+        axis = opened.axes[role]
         here_deg = axis.position_deg()
         duration_s = _duration_s(opened.rig.axes()[role].timing, axis.way_deg(here_deg, target_deg))
         axis.start_move(target_deg)

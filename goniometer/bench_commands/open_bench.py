@@ -1,26 +1,32 @@
-"""A bench opened for one command: its ports held, every device connected, everything stopped on the way out."""
+"""What one command needs of a bench, opened: ports held, devices connected, everything stopped on the way out."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import AbstractContextManager, ExitStack, closing, contextmanager, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 from typing import get_args
 
-from acquisition.engine import Bench, stopped_afterwards
-from acquisition.protocols import Analyzer
+from acquisition.engine import stopped_afterwards
+from acquisition.protocols import Analyzer, Detector
+from acquisition.stopping import stop_all
 from acquisition.timing import POLL_S
 from drivers.axis import Axis
 from drivers.clock import Clock, WallClock
+from drivers.interlock import Interlock
+from drivers.wire.wire_log import WireLog
 from goniometer.assembly import connected
 from goniometer.bench_commands.port_lock import held_ports
+from goniometer.collision_zones import ZoneEntry
 from goniometer.errors import ConfigurationError
 from goniometer.load_files import load_rig
-from goniometer.rig_devices.entry import Role
+from goniometer.rig_devices.connecting import Connecting
+from goniometer.rig_devices.entry import AxesEntry, Role
 from goniometer.rig_file import Rig
 from goniometer.signals import Interruption
-from sim_devices.serving.control import RemoteClock
+from goniometer.wire_trace import wire_log
+from sim_devices.serving.remote_clock import RemoteClock
 
 Tell = Callable[[str], None]
 """Takes a line for the person who waits."""
@@ -30,26 +36,13 @@ _SLICE_S = 0.1
 
 
 @dataclass(frozen=True)
-class OpenBench:
-    """A connected bench; `check` raises ScanInterrupted once the command was asked to end."""
+class OpenAxes:
+    """Connected axes; `check` raises ScanInterrupted once the command was asked to end."""
 
     rig: Rig
-    bench: Bench
+    axes: Mapping[str, Axis]
     clock: Clock
     check: Callable[[], None]
-
-    @property
-    def roles(self) -> list[Role]:
-        """The roles of the bench's axes, the arms first."""
-        return [role for role in get_args(Role) if role in self.rig.axes()]
-
-    def axis(self, role: Role) -> Axis:
-        """The axis in a role; raises ConfigurationError for one that the rig does not have."""
-        axis = self.bench.polarizer if role == "polarizer" else self.bench.axes[role]
-        if axis is None:
-            raise ConfigurationError([f"The rig {self.rig.rig!r} has no axis {role}. Nothing was moved."])
-        assert isinstance(axis, Axis), "every rig's axis stands above its stage"
-        return axis
 
     def wait(self, duration_s: float) -> None:
         """Let time pass on the bench's clock; raises ScanInterrupted soon after the command was asked to end."""
@@ -68,9 +61,25 @@ class OpenBench:
             self.wait(POLL_S)
         self.wait(device.settle_s)
 
+    def stop(self, clock: Clock) -> list[BaseException]:
+        """Stop the axes and see them come to rest; returns what failed."""
+        return list(stop_all(list(self.axes.values()), clock).values())
+
+
+@dataclass(frozen=True)
+class OpenBench(OpenAxes):
+    """A connected bench: its axes, and what is read."""
+
+    analyzer: Analyzer
+    detector: Detector
+
+    def stop(self, clock: Clock) -> list[BaseException]:
+        """Stop everything that can move and see it come to rest; returns what failed."""
+        return list(stop_all([*self.axes.values(), self.analyzer], clock).values())
+
 
 @contextmanager
-def open_bench(rig_path: Path, note: Tell) -> Iterator[OpenBench]:
+def open_bench(rig_path: Path, note: Tell, trace: Path | None) -> Iterator[OpenBench]:
     """Open the bench of a rig file while the block lasts; whatever ends the block, every device is stopped.
 
     Parameters
@@ -79,28 +88,79 @@ def open_bench(rig_path: Path, note: Tell) -> Iterator[OpenBench]:
         The rig file: of real devices, or as printed by `goniometer simulate`.
     note : callable
         Takes what devices said on connecting.
+    trace : Path or None
+        Where every byte sent and received is written down.
 
     Raises
     ------
     ConfigurationError
         When the rig file cannot be used; nothing was opened.
     DeviceError
-        When a device fails, or another process holds its port.
+        When a device fails, another process holds its port, or an axis moves already, which is then not stopped.
     ScanInterrupted
         On Ctrl-C, SIGTERM or SIGHUP.
     """
     rig = reachable_rig(rig_path)
     ports = {name: device.port for name, device in rig.devices.items()}
-    with ExitStack() as stack:
-        interruption = stack.enter_context(Interruption())
-        stack.enter_context(held_ports(ports.values()))
-        clock = stack.enter_context(clock_of(rig))
-        bench = stack.enter_context(connected(rig, ports, clock, None))
-        for line in bench.notes:
-            note(f"note: {line}")
-        interruption.check()
-        stack.enter_context(stopped_afterwards(bench, clock))
-        yield OpenBench(rig, bench, clock, interruption.check)
+    with _reached(rig, ports, trace) as (clock, log, check), connected(rig, ports, clock, None, log) as bench:
+        _tell(note, bench.notes)
+        check()
+        turning = {**bench.axes, "polarizer": bench.polarizer, "retarder": bench.retarder}
+        axes = {role: axis for role, axis in turning.items() if isinstance(axis, Axis)}  # all are that there are
+        opened = OpenBench(rig, axes, clock, check, bench.analyzer, bench.detector)
+        with stopped_afterwards(opened, clock):
+            yield opened
+
+
+@contextmanager
+def open_axes(
+    rig_path: Path, roles: Collection[Role], note: Tell, trace: Path | None, *, to_home: bool = False, alone: bool
+) -> Iterator[OpenAxes]:
+    """Open what the motion of some axes needs: themselves, and those whose angles decide whether they touch anything.
+
+    Parameters
+    ----------
+    rig_path, note, trace
+        As for `open_bench`, which says what is raised, too.
+    roles : collection of str
+        The axes that are to move.
+    to_home : bool
+        Whether they are to be homed, so that an alarm which homing cures does not keep them from being connected.
+    alone : bool
+        Whether nothing is in their way, so that no other axis is needed.
+    """
+    rig = reachable_rig(rig_path)
+    for role in roles:
+        if role not in rig.axes():
+            raise ConfigurationError([f"The rig {rig.rig!r} has no axis {role}. Nothing was moved."])
+    zones = () if alone else tuple(zone for role in roles for zone in zones_about(rig, role))
+    needed = {*roles, *(role for zone in zones for role in zone.roles())}
+    devices = {
+        name: device.with_only(needed)
+        for name, device in rig.devices.items()
+        if isinstance(device, AxesEntry) and needed & device.axes.keys()
+    }
+    ports = {name: device.port for name, device in devices.items()}
+    with _reached(rig, ports, trace) as (clock, log, check), ExitStack() as open_devices:
+        bench = Connecting(ports, clock, None, open_devices, log, to_home=roles if to_home else ())
+        for name, device in devices.items():
+            device.connect(name, bench)
+        _tell(note, bench.notes)
+        check()
+        Interlock([zone.zone() for zone in zones], bench.axes)
+        opened = OpenAxes(rig, bench.axes, clock, check)
+        with stopped_afterwards(opened, clock):
+            yield opened
+
+
+def zones_about(rig: Rig, role: Role) -> list[ZoneEntry]:
+    """The collision zones that an axis can enter."""
+    return [zone for zone in rig.collision_zones if role in zone.roles()]
+
+
+def roles_of(rig: Rig) -> list[Role]:
+    """The roles of a rig's axes, the arms first."""
+    return [role for role in get_args(Role) if role in rig.axes()]
 
 
 def reachable_rig(path: Path) -> Rig:
@@ -119,3 +179,22 @@ def reachable_rig(path: Path) -> Rig:
 def clock_of(rig: Rig) -> AbstractContextManager[Clock]:
     """The clock of a rig's bench: that of the process that serves it, or real time."""
     return nullcontext(WallClock()) if rig.bench is None else closing(RemoteClock(rig.bench))
+
+
+@contextmanager
+def _reached(
+    rig: Rig, ports: Mapping[str, str], trace: Path | None
+) -> Iterator[tuple[Clock, WireLog | None, Callable[[], None]]]:
+    """The bench's clock, the log of the wire, and the check for an interruption, with the ports held."""
+    with (
+        Interruption() as interruption,
+        held_ports(ports.values()),
+        clock_of(rig) as clock,
+        wire_log(trace, clock) as log,
+    ):
+        yield clock, log, interruption.check
+
+
+def _tell(note: Tell, notes: Collection[str]) -> None:
+    for line in notes:
+        note(f"note: {line}")

@@ -18,7 +18,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from drivers.clock import Deadline, WallClock
-from goniometer.errors import GoniometerError, NotConnectedError
+from goniometer.bench_commands.port_name import one_name
+from goniometer.errors import ConfigurationError, GoniometerError, NotConnectedError
 
 if sys.platform != "win32":
     import fcntl
@@ -47,13 +48,17 @@ def held_ports(ports: Iterable[str]) -> Iterator[None]:
     ------
     NotConnectedError
         When another process holds one of them; none is held then.
+    ConfigurationError
+        When two of them are one port, spelt differently.
     GoniometerError
         When the folder of the locks could be somebody else's.
     """
+    ports = sorted(set(ports) - {""})
+    _refuse_twice(ports)
     with ExitStack() as locks:
         if sys.platform != "win32":
             folder = locks.enter_context(_folder())
-            for port in sorted(set(ports) - {""}):
+            for port in ports:
                 locks.enter_context(_held(folder, port))
         yield
 
@@ -151,9 +156,21 @@ def _untrusted(why: str) -> GoniometerError:
 
 
 def _name(port: str) -> str:
-    """A file's name for a port; all names of one device file lead to the same."""
-    port = os.path.realpath(port) if port.startswith("/dev/") else port.lower()
-    return hashlib.sha256(port.encode()).hexdigest()[:24]
+    """A file's name for a port, the same for all spellings of it."""
+    return hashlib.sha256(one_name(port).encode()).hexdigest()[:24]
+
+
+def _refuse_twice(ports: Iterable[str]) -> None:
+    """Raise ConfigurationError for two spellings of one port: each would be opened, and one device driven twice."""
+    first: dict[str, str] = {}
+    for port in ports:
+        if (other := first.setdefault(one_name(port), port)) != port:
+            raise ConfigurationError(
+                [
+                    f"The rig file names one port in two ways, {other} and {port}. No device was opened. Write it in "
+                    "one way"
+                ]
+            )
 
 
 def _command() -> str:

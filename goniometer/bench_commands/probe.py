@@ -5,8 +5,10 @@ from __future__ import annotations
 import errno
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 from drivers.wire.link import Link
+from drivers.wire.wire_log import WireLog
 from goniometer.bench_commands.identify import (
     APT,
     ELLIPTEC,
@@ -46,6 +48,11 @@ class Probed:
     not_opened: str = ""
     answers: tuple[Identity, ...] = ()
 
+    @property
+    def was_asked(self) -> bool:
+        """Whether the port could be opened."""
+        return not (self.held_by or self.not_opened)
+
     def __str__(self) -> str:
         if self.held_by:
             return f"held by {self.held_by}; nothing was asked"
@@ -83,7 +90,10 @@ def rounds_for(port: str, usb: tuple[int, int] | None) -> tuple[Round, ...]:
 
 
 def expected_rounds(port: str, device: DeviceEntry) -> tuple[Round, ...]:
-    """What a device of the rig file is asked, at the rate that the file gives; nothing for a family unknown."""
+    """What a device of the rig file is asked, at the rate that the file gives; nothing for one that cannot be asked."""
+    if greeting := device.greeting:
+        question = Question(greeting.question, partial(_greeted, device, greeting.answer))
+        return (Round((question,), greeting.baudrate, greeting.parity, greeting.rtscts),)
     said = device.model_dump()
     unit, over_tcp = said.get("unit", 1), port.startswith("modbus-tcp://")
     family = {
@@ -109,14 +119,21 @@ def expected_rounds(port: str, device: DeviceEntry) -> tuple[Round, ...]:
     )
 
 
-def probe(port: str, expected: Sequence[Round], others: Sequence[Round]) -> Probed:
+def _greeted(device: DeviceEntry, answer: bytes, received: bytearray) -> Identity | None:
+    if answer not in received:
+        return None
+    return Identity(device.driver, device.place or "", bytes(received).strip().decode("ascii", errors="replace"))
+
+
+def probe(port: str, expected: Sequence[Round], others: Sequence[Round], wire_log: WireLog | None = None) -> Probed:
     """Ask all that is expected, then the others until a device answers; a port that a program holds is left alone."""
     if holder := holder_of(port):
         return Probed(held_by=str(holder))
     try:
         with held_ports([port]):
-            answers = tuple(answer for one in expected for answer in _answers(port, one))
-            return Probed(answers=answers or next(filter(None, (tuple(_answers(port, one)) for one in others)), ()))
+            answers = tuple(answer for one in expected for answer in _answers(port, one, wire_log))
+            found = (tuple(_answers(port, one, wire_log)) for one in others)
+            return Probed(answers=answers or next(filter(None, found), ()))
     except NotConnectedError as error:
         reason = error.__cause__
         if getattr(reason, "errno", None) in (errno.EBUSY, errno.EAGAIN) or "PermissionError(13" in str(reason):
@@ -124,9 +141,15 @@ def probe(port: str, expected: Sequence[Round], others: Sequence[Round]) -> Prob
         return Probed(not_opened=str(reason or error.happened))
 
 
-def _answers(port: str, one: Round) -> Iterator[Identity]:
+def _answers(port: str, one: Round, wire_log: WireLog | None) -> Iterator[Identity]:
     link = Link(
-        port, device=port, baudrate=one.baudrate, parity=one.parity, rtscts=one.rtscts, reply_timeout_s=_WRITE_S
+        port,
+        device=port,
+        baudrate=one.baudrate,
+        parity=one.parity,
+        rtscts=one.rtscts,
+        reply_timeout_s=_WRITE_S,
+        wire_log=wire_log,
     )
     try:
         if one.questions is APT:  # its manual's way to open the port

@@ -6,8 +6,9 @@ import statistics
 from dataclasses import dataclass
 from pathlib import Path
 
+from acquisition.analyzer_matrix import AnalyzerState
 from goniometer.bench_commands.measuring import select, take_reading_w, whole_samples_s
-from goniometer.bench_commands.open_bench import Tell, open_bench
+from goniometer.bench_commands.open_bench import Tell, open_bench, roles_of
 from goniometer.plus_minus import plus_minus
 from goniometer.rig_devices.entry import Slot
 
@@ -22,9 +23,9 @@ class BenchReading:
         Where each axis says it is, by role.
     not_homed : tuple of str
         The axes whose position means nothing, because they do not know their zero.
-    slot, holds : int, float or str
-        The slot in the beam, and what the rig file says is in it: a polarizer's angle in degrees, open, or blocked;
-        None where the analyzer stands at none of its slots.
+    slot, holds : int, float, AnalyzerState or str
+        The slot in the beam, and what the rig file says is in it: a polarizer's angle in degrees, polarizer and
+        retarder, open, or blocked; None where the analyzer stands at none of its slots.
     exposure_s : float
         Of one reading.
     readings_w : tuple of float
@@ -36,7 +37,7 @@ class BenchReading:
     positions_deg: dict[str, float]
     not_homed: tuple[str, ...]
     slot: int | None
-    holds: Slot | None
+    holds: Slot | AnalyzerState | None
     exposure_s: float
     readings_w: tuple[float, ...]
     power_w: float
@@ -47,7 +48,11 @@ class BenchReading:
             f"{role:<15}{position_deg:z10.4f}°{'  not homed: this position means nothing' * (role in self.not_homed)}"
             for role, position_deg in self.positions_deg.items()
         ]
-        holds = f"polarizer at {self.holds:g}°" if isinstance(self.holds, float) else self.holds or ""
+        holds: object = self.holds or ""
+        if isinstance(self.holds, AnalyzerState):
+            holds = f"polarizer at {self.holds.polarizer_deg:g}° behind a retarder at {self.holds.retarder_deg:g}°"
+        elif isinstance(self.holds, float):
+            holds = f"polarizer at {self.holds:g}°"
         lines.append(f"{'slot':<15}{self.slot or 'none':>10}   {holds}".rstrip())
         number = len(self.readings_w)
         about = f"one reading of {self.exposure_s:g} s"
@@ -57,7 +62,9 @@ class BenchReading:
         return "\n".join(lines)
 
 
-def read(rig_path: Path, exposure_s: float, slot: int | None, count: int, note: Tell) -> BenchReading:
+def read(
+    rig_path: Path, exposure_s: float, slot: int | None, count: int, note: Tell, *, trace: Path | None = None
+) -> BenchReading:
     """Read positions, slot and power; nothing moves but the analyzer, and only to a `slot` that was asked for.
 
     Raises
@@ -65,20 +72,21 @@ def read(rig_path: Path, exposure_s: float, slot: int | None, count: int, note: 
     ConfigurationError
         When the exposure is too long for the detector.
     DeviceError
-        When a device fails, or the detector is saturated.
+        When a device fails, an axis moves already, or the detector is saturated.
     """
-    with open_bench(rig_path, note) as opened:
+    with open_bench(rig_path, note, trace) as opened:
         exposure_s = whole_samples_s(opened.rig.detector, exposure_s)
         if slot is not None:
             select(opened, slot)
-        axes = {role: opened.axis(role) for role in opened.roles}
-        in_beam = opened.bench.analyzer.slot()
+        axes = {role: opened.axes[role] for role in roles_of(opened.rig)}
+        in_beam = opened.analyzer.slot()
+        held = {**opened.rig.analyzer.contents(), **opened.rig.analyzer.retarded()}
         readings_w = tuple(take_reading_w(opened, exposure_s) for _ in range(count))
         return BenchReading(
             positions_deg={role: axis.position_deg() for role, axis in axes.items()},
             not_homed=tuple(role for role, axis in axes.items() if not axis.is_homed()),
             slot=in_beam,
-            holds=None if in_beam is None else opened.rig.analyzer.contents()[in_beam],
+            holds=None if in_beam is None else held[in_beam],
             exposure_s=exposure_s,
             readings_w=readings_w,
             power_w=statistics.fmean(readings_w),

@@ -79,7 +79,7 @@ def _require_only(path: Path, part: Path, role: Role, zero_deg: float) -> None:
     """Raise ConfigurationError unless the new file means the old one with the new zero."""
     old, new = load_rig(path).model_dump(), load_rig(part)
     for name, device in load_rig(path).devices.items():
-        if isinstance(device, AxesEntry) and role in device.axes_by_role():
+        if isinstance(device, AxesEntry) and role in device.axes:
             old["devices"][name]["axes"][role]["zero_deg"] = float(f"{zero_deg:z.5f}")
     if new.model_dump() != old:
         raise ConfigurationError(

@@ -11,30 +11,32 @@ from contextlib import ExitStack, suppress
 from functools import partial
 from pathlib import Path
 
-from acquisition.protocols import RotaryAxis
+from acquisition.protocols import Analyzer, RotaryAxis
+from acquisition.stopping import stop_all
 from acquisition.timing import POLL_S
 from drivers.clock import Clock, Deadline, WallClock
+from drivers.wire.wire_log import WireLog
 from goniometer.bench_commands.open_bench import Tell, clock_of, reachable_rig
 from goniometer.bench_commands.port_lock import Holder, holder_of
-from goniometer.errors import DeviceError, GoniometerError, ReplyTimeoutError
+from goniometer.errors import DeviceError, GoniometerError
 from goniometer.rig_devices.connecting import Connecting
 from goniometer.rig_devices.entry import DeviceEntry
 from goniometer.rig_file import Rig
 from goniometer.signals import Interruption
+from goniometer.wire_trace import wire_log
 
 _LETS_GO_S = 5.0
 """How long a process that was asked to end may take to stop its bench; an arm at full speed needs part of a second."""
 
-_REST_S = 10.0
 _CLOCK_FREE_S = 1.0
 
 
-def stop(rig_path: Path, tell: Tell) -> bool:
+def stop(rig_path: Path, tell: Tell, *, trace: Path | None = None) -> bool:
     """Stop every axis and analyzer of a rig; returns whether all of them were.
 
     First every process of this program that holds one of the rig's ports is sent SIGTERM, upon which it stops its
-    bench. Then, whether it has done so or not, all devices are connected and stopped from here, those on different
-    ports at the same time. Ctrl-C does not end this.
+    bench. Then, whether it has done so or not, all devices are stopped from here, those on different ports at the same
+    time: a port is opened, and the stop is the first that is sent. Ctrl-C does not end this.
 
     Raises
     ------
@@ -46,17 +48,18 @@ def stop(rig_path: Path, tell: Tell) -> bool:
     with Interruption(), ExitStack() as stack:
         _end_holders(rig, real_time, tell)
         clock = _bench_clock(rig, real_time, stack, tell)
+        log = _log(trace, clock, stack, tell)
         by_port: dict[str, dict[str, DeviceEntry]] = {}
         for name, device in rig.devices.items():
             if device.port and device.part != "detector":  # without a port: carried by an axis of another device
                 by_port.setdefault(device.port, {})[name] = device
         with ThreadPoolExecutor(len(by_port)) as threads:
-            outcomes = threads.map(lambda devices: _stop_devices(devices, clock), by_port.values())
+            outcomes = threads.map(lambda devices: _stop_devices(devices, clock, log), by_port.values())
             told = [_tell_outcome(tell, what, failure) for of_port in outcomes for what, failure in of_port]
     return all(told)
 
 
-def _tell_outcome(tell: Tell, what: str, failure: Exception | None) -> bool:
+def _tell_outcome(tell: Tell, what: str, failure: BaseException | None) -> bool:
     tell(f"{what}: stopped" if failure is None else f"{what}: NOT STOPPED. {failure}")
     return failure is None
 
@@ -97,19 +100,30 @@ def _bench_clock(rig: Rig, real_time: Clock, stack: ExitStack, tell: Tell) -> Cl
         real_time.sleep(POLL_S)
 
 
-def _stop_devices(devices: Mapping[str, DeviceEntry], clock: Clock) -> list[tuple[str, Exception | None]]:
+def _log(trace: Path | None, clock: Clock, stack: ExitStack, tell: Tell) -> WireLog | None:
+    """The log of the wire; a stop does without one that cannot be written."""
+    try:
+        return stack.enter_context(wire_log(trace, clock))
+    except GoniometerError as error:
+        tell(f"No wire log is kept ({error.__cause__})")
+        return None
+
+
+def _stop_devices(
+    devices: Mapping[str, DeviceEntry], clock: Clock, log: WireLog | None
+) -> list[tuple[str, BaseException | None]]:
     """Stop the devices of one port; what was to be stopped, each with what kept it from being stopped."""
-    failures: list[tuple[str, Exception | None]] = []
     with ExitStack() as open_devices:
-        bench = Connecting({name: device.port for name, device in devices.items()}, clock, None, open_devices)
-        for name, device in devices.items():
-            if failure := _failure(partial(device.connect, name, bench)):
-                failures.append((name, failure))
-        failures += [(role, _failure(axis.stop)) for role, axis in bench.axes.items()]
-        failures += [(name, _failure(analyzer.stop)) for name, analyzer in bench.analyzers.items()]
-        stopped = {name for name, failure in failures if failure is None}
-        at_rest = {role: _failure(partial(_see_at_rest, axis, clock)) for role, axis in bench.axes.items()}
-        return [(name, at_rest.get(name) if name in stopped else failure) for name, failure in failures]
+        ports = {name: device.port for name, device in devices.items()}
+        bench = Connecting(ports, clock, None, open_devices, log, sets_up=False)
+        unreached = {name: _failure(partial(device.connect, name, bench)) for name, device in devices.items()}
+        movers: dict[str, RotaryAxis | Analyzer] = {**bench.axes, **bench.analyzers}
+        failures = stop_all(list(movers.values()), clock)
+        for name, analyzer in bench.analyzers.items():  # a wheel knows no stop, and answers when its turn has ended
+            if name not in failures and (failure := _failure(analyzer.slot)) is not None:
+                failures[name] = failure
+    unreached = {name: failure for name, failure in unreached.items() if failure is not None}
+    return [*unreached.items(), *((name, failures.get(name)) for name in movers)]
 
 
 def _failure(attempt: Callable[[], object]) -> Exception | None:
@@ -118,16 +132,3 @@ def _failure(attempt: Callable[[], object]) -> Exception | None:
     except Exception as error:  # noqa: BLE001 (told; whatever it is, the next device must be stopped too)
         return error
     return None
-
-
-def _see_at_rest(axis: RotaryAxis, clock: Clock) -> None:
-    deadline = Deadline(clock, _REST_S)
-    while axis.is_moving():
-        if deadline.has_passed():
-            raise ReplyTimeoutError(
-                axis.name,
-                f"still moves {_REST_S:g} s after it was told to stop",
-                not_done="the axis may be anywhere",
-                to_do="cut its power now",
-            )
-        clock.sleep(POLL_S)

@@ -16,7 +16,7 @@ from goniometer.fitting.as_json import fit_json
 from goniometer.fitting.input import fit_input, overridden, read_input, usual_choice, with_recipe
 from goniometer.fitting.intervals import Intervals, intervals
 from goniometer.fitting.summary import fit_summary
-from goniometer.run_folder import load, write_results
+from goniometer.run_folder import stored_run, write_results
 from model.fit import Dataset, FitResult
 
 
@@ -102,8 +102,8 @@ def fit_one(
 
 
 def _fit_again(path: Path, profiled: Sequence[str], bootstrapped: int) -> Fitted:
-    stored = load(path)
-    notes = tuple(f"wrote {written}" for written in write_results(stored))
+    stored = stored_run(path)
+    notes = (*stored.doubts, *(f"wrote {written}" for written in write_results(stored)))
     if stored.fit is None:
         error = GoniometerError(f"{stored.folder}: {len(stored.points)} points could not be fitted: {stored.refusal}")
         for note in notes:

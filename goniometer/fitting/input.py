@@ -52,7 +52,7 @@ class FitInput:
     truth : mapping of str to float
         The parameters of the sample that a run simulated; empty for a real one and for a bare file.
     notes : tuple of str
-        What looks wrong in a table, though it can be fitted.
+        What looks wrong in a table, or in the light of a run, though it can be fitted.
     """
 
     path: Path
@@ -85,7 +85,7 @@ def read_input(path: Path) -> FitInput:
         run = measured(path)
         data = dataset(run.points, run.folder.name)
         truth = scene_truth(run.about["scene"])
-        return FitInput(run.folder, data, run.recipe.fit, run.rig.calibration.acceptance_sr, truth)
+        return FitInput(run.folder, data, run.recipe.fit, run.rig.calibration.acceptance_sr, truth, run.doubts)
     if not path.exists():
         raise JournalError(f"{path} does not exist. Name a run's folder, a NeXus file (.nxs) or a table (.csv).")
     if path.suffix.lower() in NEXUS_SUFFIXES:

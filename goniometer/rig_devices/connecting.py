@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from contextlib import ExitStack
 from dataclasses import dataclass, field
 from typing import Any, Protocol, TypeVar
@@ -11,6 +11,8 @@ from acquisition.protocols import Analyzer, Detector
 from drivers.axis import Axis
 from drivers.clock import Clock
 from drivers.modbus.port import ModbusPort
+from drivers.stage import Stage
+from drivers.travel import Travel
 from drivers.wire.link import Link
 from drivers.wire.wire_log import WireLog
 
@@ -20,6 +22,14 @@ class Closable(Protocol):
 
     def close(self) -> None:
         """Close the port."""
+        ...
+
+
+class Device(Closable, Protocol):
+    """What is checked and set up when it is connected."""
+
+    def connect(self) -> tuple[str, ...]:
+        """Check the device and set it up; moves nothing. Returns what it held from earlier use, such as errors."""
         ...
 
 
@@ -42,6 +52,10 @@ class Connecting:
         Closes every device when the bench is left.
     wire_log : WireLog, optional
         Where every byte is written down.
+    to_home : collection of str
+        The axes that a person has asked to be homed: what homing cures does not keep them from being connected.
+    sets_up : bool
+        Whether devices are checked and set up. Who wants to stop a bench sends nothing before the stop.
     """
 
     ports: Mapping[str, str]
@@ -49,6 +63,8 @@ class Connecting:
     wavelength_nm: float | None
     open_devices: ExitStack
     wire_log: WireLog | None = None
+    to_home: Collection[str] = ()
+    sets_up: bool = True
     axes: dict[str, Axis] = field(default_factory=dict)
     analyzers: dict[str, Analyzer] = field(default_factory=dict)
     detectors: dict[str, Detector] = field(default_factory=dict)
@@ -62,7 +78,6 @@ class Connecting:
             device=name,
             baudrate=baudrate,
             rtscts=rtscts,
-            clock=self.clock,
             wire_log=self.wire_log,
         )
 
@@ -70,24 +85,28 @@ class Connecting:
         """The Modbus port of a device, which other units may share."""
         return self.shared(
             name,
-            lambda port: ModbusPort(
-                port, device=name, baudrate=baudrate, parity=parity, clock=self.clock, wire_log=self.wire_log
-            ),
+            lambda port: ModbusPort(port, device=name, baudrate=baudrate, parity=parity, wire_log=self.wire_log),
         )
 
-    def opened(self, device: T) -> T:
-        """Take what is to be closed when the bench is left, before it is connected."""
-        self.open_devices.callback(device.close)
-        return device
+    def add(self, name: str, device: Device) -> None:
+        """Check and set up a device whose port is open; it is closed when the bench is left."""
+        self._opened(device)
+        if self.sets_up:
+            self.notes += [f"{name}: left over from earlier use: {error}" for error in device.connect()]
+
+    def add_axis(self, name: str, role: str, stage: Stage, travel: Travel) -> None:
+        """Check and set up a stage of the device `name`, as `add` does, and put an axis on it."""
+        self.add(name, stage)
+        self.axes[role] = Axis(stage, self.clock, travel)
 
     def shared(self, name: str, open_port: Callable[[str], T]) -> T:
         """What drives the port of a device, which others may share; opened for the first of them."""
         port = self.ports[name]
         if port not in self._shared:
-            self._shared[port] = self.opened(open_port(port))
+            self._shared[port] = self._opened(open_port(port))
         shared: T = self._shared[port]
         return shared
 
-    def note(self, name: str, left_over: tuple[str, ...]) -> None:
-        """Keep what a device held from earlier use, such as errors."""
-        self.notes += [f"{name}: left over from earlier use: {error}" for error in left_over]
+    def _opened(self, device: T) -> T:
+        self.open_devices.callback(device.close)
+        return device

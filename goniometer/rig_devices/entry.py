@@ -3,28 +3,49 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterator, Mapping
-from dataclasses import replace
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Annotated, ClassVar, Literal, Self
 
 from pydantic import Field, model_validator
 
+from acquisition.analyzer_matrix import AnalyzerState
 from acquisition.section import Section, SectionFault, refuse_all
 from acquisition.timing import AnalyzerTiming, AxisTiming, DetectorTiming
-from drivers.axis import Travel
+from drivers.travel import Travel
 from goniometer.port_address import Port
 from goniometer.rig_devices.connecting import Connecting
 from sim_devices.bench_devices.entry import SimulatedDevice
 
-Role = Literal["source_arm", "detector_arm", "sample_azimuth", "polarizer"]
-"""What an axis turns; a polarizer is that of a rotating analyzer."""
+Role = Literal["source_arm", "detector_arm", "sample_azimuth", "polarizer", "retarder"]
+"""What an axis turns; polarizer and retarder are those of a rotating analyzer."""
 
 ROLES: tuple[Role, ...] = ("source_arm", "detector_arm", "sample_azimuth")
 
 Angle = Annotated[float, Field(ge=-360, le=360)]
 Slot = Angle | Literal["open", "blocked"]
 SlotTime = Annotated[float, Field(gt=0, le=10, description="time from one slot to its neighbour, in s")]
+HomeOffset = Annotated[
+    float | None,
+    Field(
+        ge=-360,
+        le=360,
+        description="how far beyond its switch or mark the device must have its zero, in degrees; not checked if "
+        "left out",
+    ),
+]
 SettleTime = Annotated[float, Field(ge=0, le=60, description="wait after the analyzer has arrived, in s")]
+
+
+@dataclass(frozen=True)
+class Greeting:
+    """A question that changes nothing, what only this device's answer has in it, and how its serial port is set up."""
+
+    question: bytes
+    answer: bytes
+    baudrate: int = 115200
+    parity: Literal["N", "E", "O"] = "N"
+    rtscts: bool = False
 
 
 class DeviceEntry(Section, ABC):
@@ -32,6 +53,9 @@ class DeviceEntry(Section, ABC):
 
     part: ClassVar[str]
     """What it does on the bench: "axes", "analyzer" or "detector"."""
+
+    greeting: ClassVar[Greeting | None] = None
+    """How `goniometer devices` finds out whether it is there; the project's own families have other questions."""
 
     driver: str
     port: Port = Field(
@@ -129,15 +153,17 @@ class AxesEntry(DeviceEntry):
     start_s: ClassVar[float] = 0.03
     """Time of a move that is neither motion nor the settling that the rig file states, for planning."""
 
-    @abstractmethod
-    def axes_by_role(self) -> Mapping[Role, AxisEntry]:
-        """Its axes."""
+    axes: Mapping[Role, AxisEntry]
+
+    def with_only(self, roles: Collection[Role]) -> Self:
+        """The same device with no other axes than these."""
+        return self.model_copy(update={"axes": {role: axis for role, axis in self.axes.items() if role in roles}})
 
     def timing(self) -> dict[Role, AxisTiming]:
         """How long moves of its axes take, by role, with all that belongs to them."""
         return {
             role: replace(axis.timing, exchange_s=self.exchange_s, start_s=self.start_s, backlash_deg=axis.backlash_deg)
-            for role, axis in self.axes_by_role().items()
+            for role, axis in self.axes.items()
         }
 
 
@@ -150,12 +176,17 @@ class AnalyzerEntry(DeviceEntry):
         default=0.0,
         ge=-180,
         le=180,
-        description="added to every polarizer angle: the analyzer's zero, from the s-direction, in degrees",
+        description="added to every angle of polarizer and retarder: the analyzer's zero, from the s-direction, in "
+        "degrees",
     )
 
     @abstractmethod
     def contents(self) -> Mapping[int, Slot]:
-        """What each slot holds: a polarizer's angle in degrees, open, or blocked."""
+        """What each slot holds: a polarizer's angle in degrees, open, or blocked; a retarder's slots left out."""
+
+    def retarded(self) -> Mapping[int, AnalyzerState]:
+        """What the slots with a retarder are, their angles as the rig file names them; none if there is no retarder."""
+        return {}
 
     @abstractmethod
     def timing(self, axes: Mapping[Role, AxisTiming]) -> AnalyzerTiming:
@@ -186,6 +217,17 @@ class DetectorEntry(DeviceEntry):
     def timing(self) -> DetectorTiming:
         """How long a reading takes."""
         return DetectorTiming()
+
+
+def slot_faults(slots: Mapping[int, Slot], sizes: Sequence[int], whole: str) -> Iterator[SectionFault]:
+    """What is wrong with the slots of a wheel or slider, which comes in some sizes: all are to be given."""
+    if sorted(slots) not in [list(range(1, size + 1)) for size in sizes]:
+        yield (
+            ("slots",),
+            f"describes the slots {', '.join(map(str, sorted(slots))) or 'none'}; allowed: every slot of the {whole}, "
+            f"{' or '.join(f'1 to {size}' for size in sizes)}. Write blocked for a slot that is not used",
+        )
+    yield from angle_faults(slots)
 
 
 def angle_faults(slots: Mapping[int, Slot]) -> Iterator[SectionFault]:

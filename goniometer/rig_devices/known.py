@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import inspect
+import logging
+from collections.abc import Mapping
 from importlib.metadata import entry_points
-from typing import TYPE_CHECKING, Annotated, Any, Union
+from typing import TYPE_CHECKING, Annotated, Any, Union, get_args
 
 from pydantic import Field
 
-from goniometer.errors import ConfigurationError
 from goniometer.rig_devices.entry import DeviceEntry
 from goniometer.rig_devices.newport_esp301 import NewportEsp301Entry
 from goniometer.rig_devices.oriental_az import OrientalAzEntry
@@ -18,6 +20,8 @@ from goniometer.rig_devices.thorlabs_apt import ThorlabsAptEntry
 from goniometer.rig_devices.thorlabs_elliptec import ThorlabsElliptecEntry, ThorlabsElliptecSliderEntry
 from goniometer.rig_devices.thorlabs_fw102c import ThorlabsFw102cEntry
 from goniometer.rig_devices.thorlabs_pm100 import ThorlabsPm100Entry
+
+_log = logging.getLogger(__name__)
 
 GROUP = "goniometer.drivers"
 """The entry point group in which another package names its `DeviceEntry` classes."""
@@ -37,31 +41,44 @@ _OWN: tuple[type[DeviceEntry], ...] = (
 
 
 def kinds() -> tuple[type[DeviceEntry], ...]:
-    """Every kind of device.
-
-    Raises
-    ------
-    ConfigurationError
-        When another package's entry point cannot be loaded or is no device.
-    """
+    """Every kind of device; a package whose offer cannot be used is left out with a warning, and stops nobody else."""
     found: dict[str, type[DeviceEntry]] = {driver_of(kind): kind for kind in _OWN}
     for point in entry_points(group=GROUP):
-        offer = f"the package {point.dist.name if point.dist else point.value} offers the driver {point.name}, which"
         try:
             kind = point.load()
-        except Exception as error:
-            raise ConfigurationError([f"{offer} cannot be loaded ({error!r}). Repair or uninstall it."]) from error
-        if not (isinstance(kind, type) and issubclass(kind, DeviceEntry)):
-            raise ConfigurationError([f"{offer} is {kind!r} and no DeviceEntry. Repair or uninstall it."])
-        if found.setdefault(driver_of(kind), kind) is not kind:
-            raise ConfigurationError([f"{offer} has the name of another, {driver_of(kind)}. Rename it there."])
+            fault = _fault(kind, found)
+        except Exception as error:  # noqa: BLE001 (whatever another package does as it is loaded)
+            fault = f"cannot be loaded ({error!r})"
+        if fault:
+            package = point.dist.name if point.dist else point.value
+            _log.warning(
+                "the package %s offers the driver %s, which %s. It is left out: repair or uninstall it.",
+                package,
+                point.name,
+                fault,
+            )
+        else:
+            found[driver_of(kind)] = kind
     return tuple(found.values())
 
 
 def driver_of(kind: type[DeviceEntry]) -> str:
-    """The value of `driver` that names a kind of device."""
-    (name,) = kind.model_fields["driver"].annotation.__args__  # type: ignore[union-attr]
+    """The value of `driver` that names a kind of device; raises ValueError when there is not exactly one."""
+    (name,) = get_args(kind.model_fields["driver"].annotation)
     return str(name)
+
+
+def _fault(kind: object, found: Mapping[str, type[DeviceEntry]]) -> str:
+    """Why something that a package offers cannot be used; empty when it can."""
+    if not (isinstance(kind, type) and issubclass(kind, DeviceEntry)):
+        return f"is {kind!r} and no DeviceEntry"
+    if inspect.isabstract(kind):
+        return f"is {kind!r} and lacks {', '.join(sorted(kind.__abstractmethods__))}"
+    if len(get_args(kind.model_fields["driver"].annotation)) != 1:
+        return "has no name in a rig file: it needs driver: Literal[...] with one value"
+    if found.get(driver_of(kind), kind) is not kind:
+        return f"has the name of another, {driver_of(kind)}"
+    return ""
 
 
 if TYPE_CHECKING:

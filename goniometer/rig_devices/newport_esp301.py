@@ -9,7 +9,6 @@ from typing import Literal, Self
 from pydantic import Field, model_validator
 
 from acquisition.section import SectionFault, refuse_all
-from drivers.axis import Axis
 from drivers.newport_esp301.stage import NewportEsp301
 from goniometer.rig_devices.connecting import Connecting
 from goniometer.rig_devices.entry import AxesEntry, AxisEntry, Role
@@ -45,15 +44,11 @@ class NewportEsp301Entry(AxesEntry):
     exchange_s = 0.008
     start_s = 0.026
 
-    def axes_by_role(self) -> Mapping[Role, AxisEntry]:
-        """Its axes."""
-        return self.axes
-
     def connect(self, name: str, bench: Connecting) -> None:
         """Connect the controller, then each of its stages."""
         link = bench.link(name, baudrate=self.baudrate, rtscts=True)
-        controller = bench.opened(NewportEsp301(link, bench.clock))
-        bench.note(name, controller.connect())
+        controller = NewportEsp301(link, bench.clock)
+        bench.add(name, controller)
         for role, axis in self.axes.items():
             stage = controller.stage(
                 axis.axis,
@@ -61,8 +56,7 @@ class NewportEsp301Entry(AxesEntry):
                 velocity_deg_s=axis.velocity_deg_s,
                 acceleration_deg_s2=axis.acceleration_deg_s2,
             )
-            stage.connect()
-            bench.axes[role] = Axis(stage, bench.clock, axis.travel)
+            bench.add_axis(name, role, stage, axis.travel)
 
     def unlike(self, simulated: SimulatedDevice) -> Iterator[SectionFault]:
         """Whether the same axes turn the same arms."""

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from typing import Literal
 
 from pydantic import Field
 
 from acquisition.section import SectionFault
-from drivers.axis import Axis
 from drivers.modbus.unit import ModbusUnit
 from drivers.oriental_az.stage import OrientalAz
 from goniometer.rig_devices.connecting import Connecting
@@ -40,10 +39,6 @@ class OrientalAzEntry(AxesEntry):
     exchange_s = 0.003
     start_s = 0.016
 
-    def axes_by_role(self) -> Mapping[Role, AxisEntry]:
-        """Its axis."""
-        return self.axes
-
     @property
     def place(self) -> str | None:
         """Its address on the line."""
@@ -65,9 +60,9 @@ class OrientalAzEntry(AxesEntry):
                 steps_per_deg=axis.steps_per_deg,
                 velocity_deg_s=axis.velocity_deg_s,
                 acceleration_deg_s2=axis.acceleration_deg_s2,
+                may_reset_home_alarm=role in bench.to_home,
             )
-            bench.note(name, stage.connect())
-            bench.axes[role] = Axis(stage, bench.clock, axis.travel)
+            bench.add_axis(name, role, stage, axis.travel)
 
     def unlike(self, simulated: SimulatedDevice) -> Iterator[SectionFault]:
         """Whether the unit, the axis and its step are the same."""

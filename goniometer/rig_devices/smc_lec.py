@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from typing import Literal
 
 from pydantic import Field
 
 from acquisition.section import SectionFault
-from drivers.axis import Axis
 from drivers.modbus.unit import ModbusUnit
 from drivers.smc_lec.registers import LecRegisters
 from drivers.smc_lec.stage import SmcLec
@@ -27,6 +26,9 @@ class SmcLecEntry(AxesEntry):
         default=38400, description="as set in the controller; without effect on a socket"
     )
     alarm_is_one: bool = Field(default=True, description="whether the ALARM input is 1, or 0, while there is an alarm")
+    mode_in_high_byte: bool = Field(
+        default=False, description="whether the firmware expects the movement mode in the upper half of its register"
+    )
     axes: dict[Role, AxisEntry] = Field(min_length=1, max_length=1, description="the table's axis, by role")
 
     @property
@@ -42,10 +44,6 @@ class SmcLecEntry(AxesEntry):
     exchange_s = 0.011
     start_s = 0.065
 
-    def axes_by_role(self) -> Mapping[Role, AxisEntry]:
-        """Its axis."""
-        return self.axes
-
     def connect(self, name: str, bench: Connecting) -> None:
         """Connect the controller and switch its servo on."""
         port = bench.modbus(name, baudrate=self.baudrate, parity="N")
@@ -56,10 +54,12 @@ class SmcLecEntry(AxesEntry):
                 name=role,
                 velocity_deg_s=axis.velocity_deg_s,
                 acceleration_deg_s2=axis.acceleration_deg_s2,
-                registers=LecRegisters(alarm_level=self.alarm_is_one),
+                registers=LecRegisters(
+                    alarm_level=self.alarm_is_one, absolute_word=0x0100 if self.mode_in_high_byte else 0x0001
+                ),
+                may_reset_alarm=role in bench.to_home,
             )
-            bench.note(name, stage.connect())
-            bench.axes[role] = Axis(stage, bench.clock, axis.travel)
+            bench.add_axis(name, role, stage, axis.travel)
 
     def unlike(self, simulated: SimulatedDevice) -> Iterator[SectionFault]:
         """Whether the unit, the axis and the sense of its alarm are the same."""

@@ -36,6 +36,9 @@ class StanfordSr830Entry(DetectorEntry):
     responsivity_v_per_w: float = Field(
         gt=0, le=1e12, description="rms voltage at the chopper's frequency for each watt that reaches the photodiode"
     )
+    input: Literal["A", "A-B"] = Field(
+        default="A", description="where the photodiode's voltage comes in, which the lock-in is told"
+    )
     raises_sensitivity: bool = Field(
         default=False, description="whether an overload raises the full scale and the reading is taken again"
     )
@@ -71,7 +74,7 @@ class StanfordSr830Entry(DetectorEntry):
 
     @property
     def _settings(self) -> Settings:
-        return Settings(self.time_constant_s, self.slope_db)
+        return Settings(self.time_constant_s, self.slope_db, self.input)
 
     def connect(self, name: str, bench: Connecting) -> None:
         """Connect the lock-in."""
@@ -84,5 +87,5 @@ class StanfordSr830Entry(DetectorEntry):
             settings=self._settings,
             raises_sensitivity=self.raises_sensitivity,
         )
-        bench.note(name, bench.opened(lock_in).connect())
+        bench.add(name, lock_in)
         bench.detectors[name] = lock_in

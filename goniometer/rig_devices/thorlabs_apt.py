@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from typing import Literal, Self
 
 from pydantic import Field, model_validator
 
 from acquisition.section import SectionFault, refuse_all
-from drivers.axis import Axis
 from drivers.thorlabs_apt.port import AptPort
 from drivers.thorlabs_apt.stage import ThorlabsApt
 from goniometer.rig_devices.connecting import Connecting
-from goniometer.rig_devices.entry import AxesEntry, AxisEntry, Role
+from goniometer.rig_devices.entry import AxesEntry, AxisEntry, HomeOffset, Role
 from sim_devices.bench_devices.entry import SimulatedDevice
 from sim_devices.bench_devices.thorlabs_apt import ThorlabsAptDevice
 
@@ -22,6 +21,7 @@ class ThorlabsAptAxis(AxisEntry):
     """One stage of an APT controller."""
 
     bay: int | None = Field(default=None, ge=1, le=3, description="bay of a BSC20x rack; leave it out for other units")
+    home_offset_deg: HomeOffset = None
 
 
 class ThorlabsAptEntry(AxesEntry):
@@ -44,26 +44,20 @@ class ThorlabsAptEntry(AxesEntry):
     exchange_s = 0.005
     start_s = 0.014
 
-    def axes_by_role(self) -> Mapping[Role, AxisEntry]:
-        """Its axes."""
-        return self.axes
-
     def connect(self, name: str, bench: Connecting) -> None:
         """Connect the controller's stages."""
         port = AptPort(bench.link(name, rtscts=True), bench.clock)
         for role, axis in self.axes.items():
-            stage = bench.opened(
-                ThorlabsApt(
-                    port,
-                    self.stage,
-                    name=role,
-                    velocity_deg_s=axis.velocity_deg_s,
-                    acceleration_deg_s2=axis.acceleration_deg_s2,
-                    bay=axis.bay,
-                )
+            stage = ThorlabsApt(
+                port,
+                self.stage,
+                name=role,
+                velocity_deg_s=axis.velocity_deg_s,
+                acceleration_deg_s2=axis.acceleration_deg_s2,
+                bay=axis.bay,
+                home_offset_deg=axis.home_offset_deg,
             )
-            bench.note(name, stage.connect())
-            bench.axes[role] = Axis(stage, bench.clock, axis.travel)
+            bench.add_axis(name, role, stage, axis.travel)
 
     def unlike(self, simulated: SimulatedDevice) -> Iterator[SectionFault]:
         """Whether the stages are of one model and turn the same."""

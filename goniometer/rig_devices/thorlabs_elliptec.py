@@ -9,7 +9,6 @@ from pydantic import Field, model_validator
 
 from acquisition.section import SectionFault, refuse_all
 from acquisition.timing import AnalyzerTiming, AxisTiming, SliderTiming
-from drivers.axis import Axis
 from drivers.thorlabs_elliptec.bus import ElliptecBus
 from drivers.thorlabs_elliptec.rotator import ElliptecRotator
 from drivers.thorlabs_elliptec.slider import ElliptecSlider
@@ -18,16 +17,20 @@ from goniometer.rig_devices.entry import (
     AnalyzerEntry,
     AxesEntry,
     AxisEntry,
+    HomeOffset,
     Role,
     SettleTime,
     Slot,
     SlotTime,
-    angle_faults,
+    slot_faults,
 )
 from sim_devices.bench_devices.entry import SimulatedDevice
 from sim_devices.bench_devices.thorlabs_elliptec import ThorlabsElliptecDevice, ThorlabsElliptecSliderDevice
 
 Address = Annotated[str, Field(pattern="^[0-9A-F]$", description="the module's address, one hexadecimal digit")]
+
+SLIDER_SIZES = (2, 4)
+"""Positions of the ELL6 and of the ELL9."""
 
 _LINE = "elliptec"
 _EXCHANGE_S = 0.019
@@ -44,12 +47,18 @@ def bus_of(name: str, bench: Connecting) -> ElliptecBus:
     return bench.shared(name, lambda _: ElliptecBus(bench.link(name, baudrate=9600), bench.clock))
 
 
+class ThorlabsElliptecAxis(AxisEntry):
+    """The axis of a rotator."""
+
+    home_offset_deg: HomeOffset = None
+
+
 class ThorlabsElliptecEntry(AxesEntry):
     """Thorlabs ELL14 or ELL18 rotator; up to 16 modules share a port."""
 
     driver: Literal["thorlabs_elliptec"] = Field(description="the device's family")
     address: Address = "0"
-    axes: dict[Role, AxisEntry] = Field(min_length=1, max_length=1, description="what it turns, by role")
+    axes: dict[Role, ThorlabsElliptecAxis] = Field(min_length=1, max_length=1, description="what it turns, by role")
 
     exchange_s = _EXCHANGE_S
     # besides the pause: whether it is homed before and after, where it is, the move's own packets, and its own settling
@@ -65,10 +74,6 @@ class ThorlabsElliptecEntry(AxesEntry):
         """The bus, for modules of all kinds."""
         return _LINE
 
-    def axes_by_role(self) -> Mapping[Role, AxisEntry]:
-        """Its axis."""
-        return self.axes
-
     def connect(self, name: str, bench: Connecting) -> None:
         """Connect the module."""
         for role, axis in self.axes.items():
@@ -78,9 +83,9 @@ class ThorlabsElliptecEntry(AxesEntry):
                 name=role,
                 velocity_deg_s=axis.velocity_deg_s,
                 acceleration_deg_s2=axis.acceleration_deg_s2,
+                home_offset_deg=axis.home_offset_deg,
             )
-            bench.note(name, stage.connect())
-            bench.axes[role] = Axis(stage, bench.clock, axis.travel)
+            bench.add_axis(name, role, stage, axis.travel)
 
     def unlike(self, simulated: SimulatedDevice) -> Iterator[SectionFault]:
         """Whether address and axis are the same."""
@@ -104,13 +109,8 @@ class ThorlabsElliptecSliderEntry(AnalyzerEntry):
 
     @model_validator(mode="after")
     def _check_slots(self) -> Self:
-        refuse_all(self._slot_faults())
+        refuse_all(slot_faults(self.slots, SLIDER_SIZES, "slider"))
         return self
-
-    def _slot_faults(self) -> Iterator[SectionFault]:
-        if sorted(self.slots) not in ([1, 2], [1, 2, 3, 4]):
-            yield ("slots",), "must be every slot of the slider, 1 and 2 or 1 to 4. Write blocked for one not used"
-        yield from angle_faults(self.slots)
 
     @property
     def place(self) -> str | None:
@@ -135,7 +135,7 @@ class ThorlabsElliptecSliderEntry(AnalyzerEntry):
         slider = ElliptecSlider(
             bus_of(name, bench), int(self.address, 16), name=name, slots=len(self.slots), settle_s=self.settle_s
         )
-        bench.note(name, slider.connect())
+        bench.add(name, slider)
         bench.analyzers[name] = slider
 
     def unlike(self, simulated: SimulatedDevice) -> Iterator[SectionFault]:

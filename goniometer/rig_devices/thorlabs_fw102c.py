@@ -11,7 +11,7 @@ from acquisition.section import SectionFault, refuse_all
 from acquisition.timing import AnalyzerTiming, AxisTiming, WheelTiming
 from drivers.thorlabs_fw102c import ThorlabsFw102c
 from goniometer.rig_devices.connecting import Connecting
-from goniometer.rig_devices.entry import AnalyzerEntry, Role, SettleTime, Slot, SlotTime, angle_faults
+from goniometer.rig_devices.entry import AnalyzerEntry, Role, SettleTime, Slot, SlotTime, slot_faults
 from sim_devices.bench_devices.entry import SimulatedDevice
 from sim_devices.bench_devices.thorlabs_fw102c import ThorlabsFw102cDevice
 
@@ -34,17 +34,8 @@ class ThorlabsFw102cEntry(AnalyzerEntry):
 
     @model_validator(mode="after")
     def _check_slots(self) -> Self:
-        refuse_all(self._slot_faults())
+        refuse_all(slot_faults(self.slots, WHEEL_SIZES, "wheel"))
         return self
-
-    def _slot_faults(self) -> Iterator[SectionFault]:
-        if sorted(self.slots) not in [list(range(1, size + 1)) for size in WHEEL_SIZES]:
-            yield (
-                ("slots",),
-                f"describes the slots {', '.join(map(str, sorted(self.slots))) or 'none'}; allowed: every slot of the "
-                "wheel, 1 to 6 or 1 to 12. Write blocked for a slot that is not used",
-            )
-        yield from angle_faults(self.slots)
 
     def contents(self) -> Mapping[int, Slot]:
         """What each slot holds."""
@@ -64,7 +55,7 @@ class ThorlabsFw102cEntry(AnalyzerEntry):
             slot_s=self.slot_s,
             settle_s=self.settle_s,
         )
-        bench.opened(wheel).connect()
+        bench.add(name, wheel)
         bench.analyzers[name] = wheel
 
     def unlike(self, simulated: SimulatedDevice) -> Iterator[SectionFault]:

@@ -15,6 +15,15 @@ class ThorlabsPm100Entry(DetectorEntry):
     """Thorlabs PM100-family power meter."""
 
     driver: Literal["thorlabs_pm100"] = Field(description="the device's family")
+    baudrate: Literal[9600, 19200, 38400, 57600, 115200, 230400, 460800, 921600] = Field(
+        default=115200, description="as set in a meter with a serial line; without effect on a socket or on USB"
+    )
+    attenuation_db: float = Field(
+        default=0.0,
+        ge=-60,
+        le=60,
+        description="attenuator before the sensor for which the meter is set to correct its readings, in dB",
+    )
 
     @property
     def most_samples(self) -> int:
@@ -23,8 +32,14 @@ class ThorlabsPm100Entry(DetectorEntry):
 
     def connect(self, name: str, bench: Connecting) -> None:
         """Connect the meter and tell it the wavelength."""
-        meter = ThorlabsPm100(bench.link(name), bench.clock, name=name, sample_s=self.sample_s)
-        bench.note(name, bench.opened(meter).connect())
+        meter = ThorlabsPm100(
+            bench.link(name, baudrate=self.baudrate),
+            bench.clock,
+            name=name,
+            sample_s=self.sample_s,
+            attenuation_db=self.attenuation_db,
+        )
+        bench.add(name, meter)
         if bench.wavelength_nm is not None:
             meter.set_wavelength_nm(bench.wavelength_nm)
         bench.detectors[name] = meter

@@ -26,6 +26,7 @@ from goniometer.lasting_stream import LastingStream
 from goniometer.live_console import LiveConsole
 from goniometer.load_files import load_recipe
 from goniometer.planning import detection, plan, slots, timing
+from goniometer.run_folder import stored_run
 from model.design.design import Criterion
 from model.design.information import information, standard_errors
 from model.design.timed_design import timed_design
@@ -144,7 +145,7 @@ def test_an_adaptive_run_reads_back_with_directions_in_any_order_and_measured_tw
     visited = exits_deg(stored)
     assert len(set(visited)) < len(visited)
     assert visited != sorted(visited)
-    again = goniometer.load(stored.folder)
+    again = stored_run(stored.folder)
     assert again.fit.to_dict() == stored.fit.to_dict()
     written = read_stokes_csv(stored.folder / "stokes.csv")
     assert [point.exit_deg for point in written] == [point.exit_deg for point in stored.points]
@@ -237,7 +238,7 @@ def test_a_signal_ends_an_adaptive_scan_with_its_code_and_the_readings_stored(tm
     assert not lines[-1]["as_asked"]
     assert "The bench has been stopped" in errors
     (folder,) = (tmp_path / "runs").iterdir()
-    stored = goniometer.load(folder)
+    stored = stored_run(folder)
     assert len(stored.readings) == sum(event["event"] == "ReadingStored" for event in lines)
     assert len(stored.points) >= 4
 

@@ -89,6 +89,16 @@ def test_a_stage_goes_where_it_is_sent_and_says_so(open_room, which):
 
 
 @pytest.mark.parametrize("which", STAGES)
+def test_a_question_takes_as_long_as_plans_are_made_with(load, open_room, which):
+    planned_s = load(*STAGES[which]).rig.devices["stage"].timing()["sample_azimuth"].exchange_s
+    room = open_room(*STAGES[which])
+    begun_s = room.clock.now()
+    for _ in range(20):
+        room.devices.sample_azimuth.position_deg()
+    assert_allclose((room.clock.now() - begun_s) / 20, planned_s, rtol=0.3)
+
+
+@pytest.mark.parametrize("which", STAGES)
 def test_a_stage_stopped_on_its_way_rests_before_it_is_said_to(open_room, which):
     room = open_room(*STAGES[which])
     azimuth, true = room.devices.sample_azimuth, room.world.axes["sample_azimuth"]

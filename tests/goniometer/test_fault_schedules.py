@@ -1,5 +1,6 @@
-"""Whatever goes wrong during a scan, it ends with the right data or with an error that says what failed."""
+"""Whatever goes wrong during a scan, on a bench of any make, it ends with the right data or says what failed."""
 
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -7,12 +8,34 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
-SCHEDULES = ROOT / "benchmarks" / "fault_schedules.py"
+SCHEDULES = ROOT / "benchmarks" / "fault_schedules"
+BENCHES = {
+    "wheel",
+    "wheel, terminals",
+    "slider",
+    "USB stages",
+    "lock-in",
+    "drives, RTU",
+    "drives, gateway",
+    "Elliptec bus",
+}
+FAMILIES = {
+    "newport_esp301",
+    "oriental_az",
+    "smc_lec",
+    "apt",
+    "elliptec",
+    "elliptec_slider",
+    "fw102c",
+    "pm100",
+    "sr830",
+}
+FAULTS = 23
 posix_only = pytest.mark.skipif(sys.platform == "win32", reason="the time limit of a run is an alarm of POSIX")
 
 
 def ended(runs, first):
-    """Run schedules; their table is shown, and it is a failure when one of them was violated."""
+    """Run schedules; their tables are shown, and it is a failure when one of them was violated."""
     command = [sys.executable, str(SCHEDULES), str(runs), "--first", str(first)]
     done = subprocess.run(command, capture_output=True, text=True, check=False, cwd=ROOT)
     print(done.stdout)
@@ -21,15 +44,27 @@ def ended(runs, first):
     return done.stdout
 
 
+def table(shown, title):
+    """One of the tables: its columns, and its counts by row."""
+    (found,) = re.findall(rf"^{title} .*?(?=^$)", shown, re.MULTILINE | re.DOTALL)
+    head, *lines = (re.split(r"\s{2,}", line) for line in found.strip().splitlines())
+    return set(head[1:]), {name: [int(cell) for cell in cells if cell != "-"] for name, *cells in lines}
+
+
 @posix_only
 def test_three_hundred_fault_schedules_end_well():
     shown = ended(300, first=0)
-    assert " same data" in shown, "faults that a driver gets over"
-    assert " DeviceFaultError" in shown, "and some that it does not"
+    endings, benches = table(shown, "bench")
+    assert set(benches) == BENCHES | {"all"}
+    assert {"same data", "DeviceFaultError"} <= endings, "faults that a driver gets over, and some that it does not"
+    families, struck = table(shown, "struck")
+    assert families == FAMILIES
+    assert len(struck) == FAULTS
+    assert all(map(any, struck.values())), "every fault has struck something"
 
 
 @posix_only
 @pytest.mark.long
 @pytest.mark.timeout(3600)
 def test_ten_thousand_fault_schedules_end_well():
-    ended(10_000, first=100_000)
+    assert "never struck: none" in ended(10_000, first=100_000)

@@ -85,10 +85,47 @@ def test_the_example_of_the_documentation_is_a_device_like_any_other(tmp_path):
     [
         ("turntable.rig:Missing", "the package turntable offers the driver turntable, which cannot be loaded"),
         ("turntable.rig:Turntable", "which is <class 'turntable.rig.Turntable'> and no DeviceEntry"),
+        ("turntable.broken:NoLiteral", "which has no name in a rig file: it needs driver: Literal"),
+        ("turntable.broken:NoConnect", "turntable.broken.NoConnect'> and lacks connect"),
+        ("turntable.broken:NotOurs", "which has the name of another, thorlabs_pm100"),
     ],
 )
-def test_a_package_that_offers_no_device_is_named(tmp_path, target, message):
+def test_a_package_whose_offer_cannot_be_used_is_named_and_stops_only_who_needs_it(tmp_path, target, message):
     install(tmp_path, [("goniometer.drivers", {"turntable": target})])
-    ended = scan(bench(tmp_path), tmp_path)
-    assert ended.returncode == 1
-    assert message in ended.stderr
+    (tmp_path / "turntable" / "broken.py").write_text(BROKEN)
+    shipped, needing_it = ROOT / "rigs" / "simulated.yaml", tmp_path / "rigs" / "simulated_slider.yaml"
+    bench(tmp_path)
+    others = check(shipped, tmp_path)
+    assert message in others.stderr
+    assert (others.returncode, others.stdout) == (0, f"{shipped} is valid.\n")
+    refused = check(needing_it, tmp_path)
+    assert refused.returncode == 2
+    assert message in refused.stderr
+    assert "'devices.sample_stage.driver': got 'turntable'; allowed: " in refused.stderr
+
+
+BROKEN = """
+from typing import Literal
+from goniometer.rig_devices.entry import DetectorEntry
+from turntable.rig import TurntableEntry
+
+class NoLiteral(TurntableEntry):
+    driver: str = "turntable"
+
+class NoConnect(DetectorEntry):
+    driver: Literal["turntable"]
+
+class NotOurs(TurntableEntry):
+    driver: Literal["thorlabs_pm100"]
+"""
+
+
+def check(file, folder):
+    return subprocess.run(
+        [sys.executable, "-W", "error", "-m", "goniometer", "check", str(file)],
+        env=os.environ | {"PYTHONPATH": os.pathsep.join([str(folder), str(ROOT)])},
+        capture_output=True,
+        text=True,
+        timeout=100,
+        check=False,
+    )

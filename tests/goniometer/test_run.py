@@ -10,6 +10,7 @@ from numpy.testing import assert_allclose
 import goniometer
 from acquisition.events import FitUpdated, PointReduced, ReadingStored, ScanEnded, ScanStarted
 from acquisition.journal import FILE_NAME, Journal
+from goniometer.run_folder import stored_run
 
 ROOT = Path(__file__).resolve().parents[2]
 SAMPLES = ("iron", "alumina", "glass", "pvc")
@@ -105,13 +106,14 @@ def test_the_files_of_a_run_are_there_and_say_the_same(tmp_path):
         assert written["parameters"][name]["truth"] == stored.truth[name]
     assert written["degrees_of_freedom"] == 11 * 3 - 6
     assert {path.name for path in stored.folder.iterdir()} == {
+        ".lock",
         "journal.sqlite",
         "stokes.csv",
         "scan.nxs",
         "fit.json",
         "report.png",
     }
-    again = goniometer.load(stored.folder)
+    again = stored_run(stored.folder)
     assert again.fit.to_dict() == stored.fit.to_dict()
     assert yaml.safe_load(again.about["scene"])["sample"]["material"] == "Fe"
 
@@ -123,7 +125,9 @@ def test_a_reference_is_read_and_does_not_disturb(tmp_path):
         scene_changes={"effects": []},
     )
     stored = goniometer.run(recipe, out=tmp_path / "runs", speed="max")
-    assert sum(reading.kind == "reference" for reading in stored.readings) == 3 * 2
+    references = [reading for reading in stored.readings if reading.kind == "reference"]
+    assert [reading.point for reading in references] == [0, 0, 4, 4, 8, 8, 10, 10]
+    assert references[-1] == stored.readings[-1], "the last one closes the scan"
     for name, true_value in stored.truth.items():
         assert_allclose(stored.fit.parameters[name].value, true_value, rtol=1e-5)
 

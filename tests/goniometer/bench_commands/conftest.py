@@ -1,6 +1,7 @@
 """A bench with a mirror on it, served as `goniometer simulate` does, and the rig file that reaches it."""
 
 from contextlib import ExitStack
+from pathlib import Path
 
 import pytest
 import yaml
@@ -9,6 +10,7 @@ from goniometer.bench import served_ports, simulate
 from goniometer.load_files import load_scene
 from sim_devices.serving.control import ControlServer
 
+ROOT = Path(__file__).resolve().parents[3]
 AXIS = {"velocity_deg_s": 20, "acceleration_deg_s2": 80, "settle_s": 0.05, "tolerance_deg": 0.005}
 SLOTS = {1: "open", 2: 0, 3: 45, 4: 90, 5: 135, 6: "blocked"}
 RIG = {
@@ -55,12 +57,7 @@ SCENE = {
 class Served:
     """A served bench: `rig` is its rig file, `sim` the simulated bench itself."""
 
-    def __init__(self, folder, stack, speed, scene, effects, zones):
-        (folder / "simulated_rig.yaml").write_text(yaml.safe_dump(RIG))
-        (folder / "scene.yaml").write_text(
-            yaml.safe_dump(SCENE | scene | {"effects": [*NOISE, *effects]}, sort_keys=False)
-        )
-        loaded = load_scene(folder / "scene.yaml")
+    def __init__(self, folder, stack, speed, loaded, zones=()):
         self.sim = stack.enter_context(simulate(loaded.scene, speed))
         control = ControlServer(self.sim, loaded.scene_text)
         stack.callback(control.stop)
@@ -83,6 +80,18 @@ class Served:
         change(document)
         self.rig.write_text(yaml.safe_dump(document, sort_keys=False))
 
+    def set_zones(self, *zones):
+        self.change_rig(lambda rig: rig.update(collision_zones=list(zones)))
+
+    def switch_off(self, *names):
+        """Let nobody be at the ports of devices."""
+
+        def move_away(rig):
+            for number, name in enumerate(names, start=1):
+                rig["devices"][name]["port"] = f"socket://127.0.0.1:{number}"
+
+        self.change_rig(move_away)
+
     def change_axis(self, role, **keys):
         self.change_rig(lambda rig: rig["devices"]["arms"]["axes"][role].update(keys))
 
@@ -97,14 +106,49 @@ def locks_of_our_own(monkeypatch, tmp_path_factory):
 
 @pytest.fixture
 def serve(tmp_path):
-    """Serve a bench; `scene` replaces parts of the scene, `effects` join its noise, `zones` are the rig's."""
+    """Serve a bench; `scene` and `devices` replace parts of the scene, `effects` join its noise, `zones` the rig."""
     with ExitStack() as stack:
-        yield lambda speed="max", scene=None, effects=(), zones=(): Served(
-            tmp_path, stack, speed, scene or {}, effects, zones
-        )
+
+        def served(speed="max", scene=None, devices=None, effects=(), zones=()):
+            (tmp_path / "simulated_rig.yaml").write_text(yaml.safe_dump(RIG))
+            content = SCENE | (scene or {}) | {"effects": [*NOISE, *effects]}
+            content["devices"] = content["devices"] | (devices or {})
+            (tmp_path / "scene.yaml").write_text(yaml.safe_dump(content, sort_keys=False))
+            return Served(tmp_path, stack, speed, load_scene(tmp_path / "scene.yaml"), zones)
+
+        yield served
+
+
+@pytest.fixture
+def serve_shipped(tmp_path):
+    """Serve one of the scenes that the project brings, in virtual time."""
+    with ExitStack() as stack:
+        yield lambda name: Served(tmp_path, stack, "max", load_scene(ROOT / "scenes" / f"{name}.yaml"))
+
+
+@pytest.fixture
+def beside_the_table(serve_shipped):
+    """A bench where a corner of the table may be in the way of the source arm."""
+    bench = serve_shipped("iron")
+    bench.set_zones({"sample_azimuth": [100, 110], "source_arm": [50, 60]})
+    return bench
 
 
 @pytest.fixture
 def told():
     """Lines that a command has told; append is how it tells them."""
     return []
+
+
+@pytest.fixture
+def sent():
+    """What went to each device, write by write, by a wire log."""
+
+    def writes(log):
+        found = {}
+        for line in log.read_text().splitlines():
+            _, _, device, direction, _, in_hex = line.split("\t")
+            found.setdefault(device, []).extend([bytes.fromhex(in_hex)] * (direction == ">"))
+        return found
+
+    return writes

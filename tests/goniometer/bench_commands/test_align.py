@@ -1,5 +1,6 @@
 """`goniometer align` finds the zero of an arm, with the right sign, and stores it where it belongs."""
 
+import itertools
 import math
 import stat
 import sys
@@ -9,6 +10,7 @@ import yaml
 from numpy.testing import assert_allclose
 
 from goniometer.bench_commands.align import advice, align
+from goniometer.bench_commands.measuring import take_reading_w
 from goniometer.bench_commands.move import move
 from goniometer.bench_commands.rewritten_rig import store_zero, with_zero
 from goniometer.errors import CollisionError, ConfigurationError, DeviceFaultError, FitError, LimitError
@@ -95,6 +97,35 @@ def test_light_goes_through_the_open_slot(serve, told):
     found = aligned(bench, "detector_arm", told)
     assert any("through slot 1 (open)" in line for line in told)
     assert len(found.scan) == 41
+
+
+@pytest.mark.parametrize(
+    ("slots", "through"),
+    [
+        ({1: "blocked", 2: 0, 3: 45, 4: 90, 5: 135, 6: "open"}, "slot 6 (open)"),
+        ({1: "blocked", 2: 30, 3: 0, 4: 45, 5: 90, 6: 135}, "slot 2 (30.0)"),
+    ],
+)
+def test_light_goes_through_an_open_slot_wherever_it_is_else_through_a_polarizer(serve, told, slots, through):
+    wheel = {"analyzer": {"type": "thorlabs_fw102c", "slots": slots}}
+    bench = serve(devices=wheel)
+    bench.change_rig(lambda rig: rig["devices"]["analyzer"].update(slots=slots))
+    aligned(bench, "detector_arm", told, half_deg=3, step_deg=0.5)
+    assert any(f"through {through}" in line for line in told)
+
+
+def test_the_spread_of_a_points_three_readings_is_that_of_the_light_not_of_the_sample_of_three(
+    serve, told, monkeypatch
+):
+    """Readings 1 % below, at and 1 % above their mean come from light that varies by 1 %."""
+    factors = itertools.cycle([0.99, 1.0, 1.01])
+    monkeypatch.setattr(
+        "goniometer.bench_commands.align.take_reading_w",
+        lambda opened, exposure_s: next(factors) * take_reading_w(opened, exposure_s),
+    )
+    found = aligned(serve(), "detector_arm", told, half_deg=3, step_deg=0.5)
+    brightest = max(found.scan, key=lambda point: point[1])
+    assert_allclose(brightest[2] / brightest[1], 0.01, rtol=0.03)
 
 
 def test_a_rough_sample_is_no_mirror(serve, told):

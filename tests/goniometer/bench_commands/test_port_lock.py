@@ -1,6 +1,7 @@
 """A port has one process at a time, and everybody can ask which."""
 
 import os
+import socket
 import subprocess
 import sys
 import tempfile
@@ -9,7 +10,8 @@ from pathlib import Path
 import pytest
 
 from goniometer.bench_commands.port_lock import held_ports, holder_of
-from goniometer.errors import GoniometerError, NotConnectedError
+from goniometer.bench_commands.port_name import _address
+from goniometer.errors import ConfigurationError, GoniometerError, NotConnectedError
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="a COM port opens for one process only")
 
@@ -74,6 +76,67 @@ def test_both_names_of_a_device_file_are_one_port(tmp_path, monkeypatch):
     assert Path("/dev/stdin").is_symlink()
     with held_ports(["/dev/stdin"]):
         assert holder_of(os.path.realpath("/dev/stdin")).pid == os.getpid()
+
+
+SPELLINGS = {
+    "loopback": [
+        "socket://localhost:4001",
+        "socket://127.0.0.1:4001",
+        "SOCKET://[::1]:4001",
+        "socket://LocalHost:4001",
+    ],
+    "name": ["socket://server.lab:4001", "socket://Server.Lab:4001", "socket://10.0.0.7:4001"],
+    "unknown": ["modbus-tcp://nobody.lab:502", "modbus-tcp://NOBODY.lab:502"],
+}
+ADDRESSES = {
+    "localhost": ["::1", "127.0.0.1"],
+    "127.0.0.1": ["127.0.0.1"],
+    "::1": ["::1"],
+    "server.lab": ["fd00::7", "10.0.0.9", "10.0.0.7"],
+    "10.0.0.7": ["10.0.0.7"],
+    "10.0.0.8": ["10.0.0.8"],
+}
+
+
+@pytest.fixture
+def network(monkeypatch):
+    """A network of a few computers."""
+
+    def getaddrinfo(host, port):
+        if host not in ADDRESSES:
+            raise socket.gaierror(socket.EAI_NONAME, "Name or service not known")
+        return [(socket.AF_INET, socket.SOCK_STREAM, 6, "", (address, 0)) for address in ADDRESSES[host]]
+
+    monkeypatch.setattr(socket, "getaddrinfo", getaddrinfo)
+    _address.cache_clear()
+    yield
+    _address.cache_clear()
+
+
+@pytest.mark.usefixtures("network")
+@pytest.mark.parametrize("spellings", SPELLINGS.values(), ids=SPELLINGS)
+def test_all_spellings_of_a_port_are_one(spellings):
+    for spelt in spellings:
+        with held_ports([spelt]):
+            assert all(holder_of(other) for other in spellings)
+            assert not holder_of("socket://10.0.0.8:4001")
+            assert not holder_of(spelt.replace(":4001", ":4002").replace(":502", ":503"))
+
+
+@pytest.mark.usefixtures("network")
+def test_one_port_spelt_in_two_ways_is_refused():
+    with (
+        pytest.raises(
+            ConfigurationError, match=r"names one port in two ways, socket://127\.0\.0\.1:1 and socket://local"
+        ),
+        held_ports(["socket://localhost:1", "socket://127.0.0.1:1"]),
+    ):
+        pass
+
+
+def test_a_device_file_in_another_case_is_the_same():
+    with held_ports(["/dev/ttyUSB7"]):
+        assert holder_of("/dev/TTYusb7").pid == os.getpid()
 
 
 def test_the_folder_is_the_users_own():
