@@ -8,7 +8,7 @@ PYTHON ?= python3
 BIN := .venv/bin
 endif
 
-.PHONY: demo test long interop bench bench-model bench-devices bench-fit lint format clean
+.PHONY: demo test long faults interop bench bench-model bench-devices bench-fit lint format clean
 
 demo: .venv/installed
 	$(BIN)/goniometer run recipes/iron_60deg.yaml --speed 20
@@ -19,12 +19,16 @@ test: .venv/installed
 long: .venv/installed
 	$(BIN)/python -m pytest -n auto -m long
 
+faults: .venv/installed
+	$(BIN)/python benchmarks/fault_schedules 10000
+
 interop: .venv/installed .venv-interop/installed
 	$(BIN)/python -m pytest -m interop -rs tests/interop
 
 bench: .venv/installed .venv-bench/installed
 	$(BIN)/python benchmarks/scan.py
 	$(BIN)/python benchmarks/effects.py
+	$(BIN)/python benchmarks/beside_bluesky.py
 
 bench-model: .venv/installed .venv-bench/installed
 	$(BIN)/python benchmarks/model_cost.py --plot docs/model_cost.png

@@ -53,7 +53,8 @@ class Recorder:
             self._exchanges[-1] = question, length + len(data)
 
     def event(self, device, event):
-        raise RuntimeError(f"{device}: {event}")
+        if self.is_on:
+            raise RuntimeError(f"{device}: {event}")
 
     def exchanges(self, call):
         """Questions of a call, and the lengths of their replies."""
@@ -84,17 +85,17 @@ def requests(addresses, wire_log):
         return addresses[device][1]
 
     def link(device):
-        return Link(pty(device), device=device, clock=clock, wire_log=wire_log)
+        return Link(pty(device), device=device, wire_log=wire_log)
 
     def tcp(device):
         return addresses[device][0]
 
     def az(address):
-        unit = ModbusUnit(ModbusPort(address, device="az", clock=clock, wire_log=wire_log), 1, device="az")
+        unit = ModbusUnit(ModbusPort(address, device="az", wire_log=wire_log), 1, device="az")
         return OrientalAz(unit, clock, name="az", steps_per_deg=50, **SPEEDS)
 
     def lec(address):
-        unit = ModbusUnit(ModbusPort(address, device="lec", clock=clock, wire_log=wire_log), 1, device="lec")
+        unit = ModbusUnit(ModbusPort(address, device="lec", wire_log=wire_log), 1, device="lec")
         return SmcLec(unit, clock, name="lec", velocity_deg_s=10, acceleration_deg_s2=10)
 
     arm = NewportEsp301(link("arms"), clock).stage(1, name="arm", **SPEEDS)

@@ -9,6 +9,7 @@ from drivers.clock import Clock, Deadline
 from drivers.motion import (
     Progress,
     motion_deadline,
+    no_home,
     refuse_elsewhere,
     refuse_outside,
     stalled,
@@ -210,8 +211,9 @@ class Axis:
                 self.stop()
                 raise stalled(self.name, position_deg, self._target_deg)
         if self._deadline is not None and self._deadline.has_passed():
+            homes = self._within_deg is None
             self.stop()
-            raise still_moving(self.name, self._target_deg)
+            raise no_home(self.name, HOMING_S) if homes else still_moving(self.name, self._target_deg)
 
     def _until_rest_deg(self) -> tuple[float, ...]:
         """How far it may go before it is seen at rest, whatever it is told meanwhile: some stages obey no stop.

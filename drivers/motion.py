@@ -77,6 +77,16 @@ def still_moving(name: str, target_deg: float) -> DeviceFaultError:
     )
 
 
+def no_home(name: str, homing_s: float) -> DeviceFaultError:
+    """Describe a search for the home position that has not ended in time, although the device answers."""
+    return DeviceFaultError(
+        name,
+        f"the search for the home position has not ended within {homing_s:g} s",
+        not_done="the zero is not known; the axis was told to stop",
+        to_do="look what holds it up, then home it again",
+    )
+
+
 class Progress:
     """Whether an axis comes nearer to its target; looked at every half second, for a look is an exchange.
 

@@ -32,6 +32,8 @@ _REFUSALS = {
     4: "device failure",
     5: "accepted, but not done yet",
     6: "busy",
+    10: "no way to the device from the gateway",
+    11: "no answer from the device behind the gateway",
 }
 _COIL_ON = 0xFF00
 

@@ -168,7 +168,8 @@ class StanfordSr830:
     def _settle(self) -> None:
         self._forget()
         begun_s = self._clock.now()
-        self._lock_in.condition()  # what happened before this reading is no fault of it
+        # what happened before this reading is no fault of it, but the filter may still hold an overload
+        settlings = 2 if self._lock_in.condition() & _SATURATED else 1
         if others := (held := self._lock_in.settings()).others(self._settings):
             raise DeviceFaultError(
                 self.name,
@@ -177,7 +178,7 @@ class StanfordSr830:
                 not_done="the reading was not begun",
                 to_do="leave the front panel alone during a scan, check its power supply, and run the recipe again",
             )
-        self._next_s = begun_s + held.settling_s
+        self._next_s = begun_s + settlings * held.settling_s
         self._doing = _Doing.SETTLING
 
     def _begin_averaging(self) -> None:

@@ -21,7 +21,8 @@ _HIGHEST_HARMONIC = 19_999
 _SETTLING_TIME_CONSTANTS = (9.3, 11.8, 14.0, 16.0)
 _EXTERNAL, _INTERNAL = 0, 1
 _ANSWERS_TO_SERIAL_PORT = "OUTX 0"
-_SAMPLE = "SNAP? 3,4,9"
+# magnitude and phase twice: its line has no checksum, and a digit that was garbled would be a digit
+_SAMPLE = "SNAP? 3,4,9,3,4"
 _OFFSET = "OEXP? 3"
 
 
@@ -100,11 +101,11 @@ class Condition(Flag):
 
 
 def parse_sample(device: str, answer: str) -> Sample:
-    """Read an answer to ``SNAP? 3,4,9`` such as ``0.00103,12.5,317.2``; raises ReplyError otherwise."""
-    fields = answer.split(",")
-    if len(fields) != 3:
-        raise unusable(device, _SAMPLE, answer, "three numbers with commas between")
-    return Sample(*(number(device, _SAMPLE, field.strip()) for field in fields))
+    """Read an answer such as ``0.00103,12.5,317.2,0.00103,12.5``; raises ReplyError otherwise."""
+    fields = [field.strip() for field in answer.split(",")]
+    if len(fields) != 5 or fields[:2] != fields[3:]:
+        raise unusable(device, _SAMPLE, answer, "three numbers and the first two again, with commas between")
+    return Sample(*(number(device, _SAMPLE, field) for field in fields[:3]))
 
 
 def parse_offset(device: str, answer: str) -> float:

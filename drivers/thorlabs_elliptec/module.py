@@ -86,6 +86,13 @@ class ElliptecModule:
                 )
         return ()
 
+    def rests(self) -> bool:
+        """Ask whether it rests, also from what a person began at its button; raises as `answers` does."""
+        if self._under_way:
+            return False
+        self._rests = False
+        return self.answers() is not None
+
     def refuse_in_motion(self, not_done: str) -> None:
         """Raise DeviceFaultError while the module moves."""
         if self.answers() is None:

@@ -115,8 +115,9 @@ class ElliptecSlider:
         return self._start_step(reached)
 
     def slot(self) -> int | None:
-        """Which slot the slider says is in the beam, or None; waits until the bus is free."""
-        return self._slot_at(self._module.query("gp"))
+        """Which slot the slider says is in the beam, or None, also on its way; waits until the bus is free."""
+        slot = self._slot_at(self._module.query("gp"))
+        return slot if self._module.rests() else None  # it names a slot before it has come to stand there
 
     def stop(self) -> None:
         """Begin no further step; one under way ends by itself, which `is_moving` tells.

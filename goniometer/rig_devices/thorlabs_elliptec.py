@@ -128,7 +128,7 @@ class ThorlabsElliptecSliderEntry(AnalyzerEntry):
 
     def timing(self, axes: Mapping[Role, AxisTiming]) -> AnalyzerTiming:
         """A slider goes from slot to slot."""
-        return SliderTiming(self.slot_s + _STEP_S, self.settle_s, _EXCHANGE_S)
+        return SliderTiming(self.slot_s + _STEP_S, self.settle_s, 2 * _EXCHANGE_S)
 
     def connect(self, name: str, bench: Connecting) -> None:
         """Connect the module."""

@@ -183,6 +183,15 @@ def test_a_stage_that_does_not_know_its_zero_is_homed_first(clock):
     assert stage.targets_deg == [0.0, 10]
 
 
+def test_a_home_position_that_is_not_found_in_time_is_said_to_be_that(clock):
+    stage = Turntable(clock, at_deg=30.0, speed_deg_s=0.1, homed=False)
+    axis = axis_on(stage)
+    axis.start_homing()
+    with pytest.raises(DeviceFaultError, match="the search for the home position has not ended within 180 s"):
+        arrive(axis, clock)
+    assert stage.stops == 1
+
+
 @pytest.mark.parametrize("said_deg", [9.98, 10.0, 25.0, 40.02])
 def test_after_a_lost_link_an_axis_may_stand_anywhere_on_its_way(clock, said_deg):
     axis = axis_sent_from_10_to_40(clock)

@@ -90,7 +90,7 @@ def stage(make_peer, clock):
 
     def make(changes=None, reply_timeout_s=2.0, **more):
         peer = make_peer(ANSWERS | (changes or {}), split=split)
-        port = ModbusPort(peer.port, device="sample_azimuth", reply_timeout_s=reply_timeout_s, clock=clock)
+        port = ModbusPort(peer.port, device="sample_azimuth", reply_timeout_s=reply_timeout_s)
         stages.append(axis_on(port, clock, "sample_azimuth", 1, **more))
         return peer, stages[-1]
 
@@ -310,7 +310,7 @@ def test_answer_of_another_length_or_function_is_refused(stage):
 def test_drives_on_one_port_share_it(make_peer, clock):
     second_at_1_deg = {with_crc(b"\x02" + POSITION[1:-2]): with_crc(b"\x02" + answer(50)[1:-2])}
     peer = make_peer(ANSWERS | second_at_1_deg, split=split)
-    port = ModbusPort(peer.port, device="line", clock=clock)
+    port = ModbusPort(peer.port, device="line")
     stages = [axis_on(port, clock, f"stage {unit}", unit) for unit in (1, 2)]
     assert [stage.position_deg() for stage in stages] == [170.0, 1.0]
     assert peer.connections == 1

@@ -655,7 +655,7 @@ def test_slider_steps_to_a_slot_one_step_after_the_other(slider, clock):
     slider.start_select(4)
     assert slider.is_moving()
     arrive(slider, clock)
-    assert peer.commands == [b"3in", b"3gs", b"3gp", b"3fw", b"3fw", b"3fw", b"3gp"]
+    assert peer.commands == [b"3in", b"3gs", b"3gp", b"3gs", b"3fw", b"3fw", b"3fw", b"3gp", b"3gs"]
     assert slider.slot() == 4
 
 
@@ -666,7 +666,7 @@ def test_slider_steps_back_and_not_at_all(slider, clock):
     assert not slider.is_moving()
     slider.start_select(1)
     arrive(slider, clock)
-    assert peer.commands == [b"3in", b"3gs", b"3gp", b"3gp", b"3bw"]
+    assert peer.commands == [b"3in", b"3gs", b"3gp", b"3gs", b"3gp", b"3gs", b"3bw"]
 
 
 def test_step_that_leads_elsewhere_ends_the_steps(slider, clock):
@@ -710,7 +710,14 @@ def test_slider_between_slots_has_none(slider, position):
     assert slider.slot() is None
     with pytest.raises(PositionError, match="analyzer: the slider stands between its slots"):
         slider.start_select(1)
-    assert peer.commands[-1] == b"3gp"
+    assert peer.commands[-2:] == [b"3gp", b"3gs"]
+
+
+def test_slider_that_its_button_has_moved_has_no_slot_on_the_way(slider):
+    """It names the slot where it is going."""
+    _, slider = slider({b"3gs": [b"3GS00\r\n", b"3GS09\r\n", b"3GS00\r\n"], b"3gp": b"3PO00000020\r\n"})
+    slider.connect()
+    assert [slider.slot(), slider.slot()] == [None, 2]
 
 
 @pytest.mark.parametrize("position", [b"0000001E", b"00000020", b"00000022"])

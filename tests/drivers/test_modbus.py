@@ -152,7 +152,7 @@ def port_of(clock):
     ports = []
 
     def make(address, reply_timeout_s=2.0, **parameters):
-        ports.append(ModbusPort(address, device="line", reply_timeout_s=reply_timeout_s, clock=clock, **parameters))
+        ports.append(ModbusPort(address, device="line", reply_timeout_s=reply_timeout_s, **parameters))
         return ports[-1]
 
     yield make

@@ -371,7 +371,7 @@ class TestBytes:
 
         def make(changes=None, reply_timeout_s=2.0):
             peer = make_peer(ANSWERS | (changes or {}), split=split)
-            ports.append(ModbusPort(peer.port, device="line", reply_timeout_s=reply_timeout_s, clock=clock))
+            ports.append(ModbusPort(peer.port, device="line", reply_timeout_s=reply_timeout_s))
             unit = ModbusUnit(ports[-1], 1, device="sample_azimuth")
             return peer, SmcLec(unit, clock, name="sample_azimuth", velocity_deg_s=40, acceleration_deg_s2=1000)
 

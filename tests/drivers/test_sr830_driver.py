@@ -29,7 +29,7 @@ ANSWERS = {
     b"HARM?": b"1\r",
     b"OEXP? 3": b"0.0,0\r",
     b"SENS?": b"17\r",
-    b"SNAP? 3,4,9": b"0.000202046,-12.5,317.25\r",
+    b"SNAP? 3,4,9,3,4": b"0.000202046,-12.5,317.25,0.000202046,-12.5\r",
 }
 TIME_CONSTANT_S, SETTLING_S = 0.1, 1.6
 
@@ -71,12 +71,18 @@ def finish(clock):
 
 class TestAnswers:
     def test_sample(self):
-        sample = parse_sample("lock_in", "0.000202046,-3.59302e-07, 317.25")
+        sample = parse_sample("lock_in", "0.000202046,-3.59302e-07, 317.25,0.000202046,-3.59302e-07")
         assert (sample.magnitude_v, sample.phase_deg, sample.reference_hz) == (0.000202046, -3.59302e-07, 317.25)
 
-    @pytest.mark.parametrize("answer", ["", "0.1", "0.1,0.2", "0.1,0.2,0.3,0.4", "0.1,,0.3", "nan,0,1", "a,b,c"])
+    @pytest.mark.parametrize(
+        "answer",
+        [
+            *["", "0.1", "0.1,0.2", "0.1,0.2,0.3", "0.1,0.2,0.3,0.1", "0.1,0.2,0.3,0.1,0.2,0.3", "0.1,,0.3,0.1,"],
+            *["nan,0,1,nan,0", "a,b,c,a,b", "0.1,0.2,0.3,0.5,0.2", "0.1,0.2,0.3,0.1,0.6", "0.1,0.2,,0.1,0.2"],
+        ],
+    )
     def test_malformed_sample_is_refused(self, answer):
-        with pytest.raises(ReplyError, match=r"lock_in: the answer to 'SNAP\? 3,4,9'"):
+        with pytest.raises(ReplyError, match=r"lock_in: the answer to 'SNAP\? 3,4,9,3,4'"):
             parse_sample("lock_in", answer)
 
     @pytest.mark.parametrize(
@@ -184,7 +190,7 @@ class TestReading:
         np.testing.assert_allclose(finish(lock_in), SETTLING_S + 0.5, atol=0.07)
         np.testing.assert_allclose(lock_in.power_w(), 0.000202046 / 2, rtol=1e-12)
         assert lock_in.reference_hz == 317.25
-        assert peer.commands == [b"LIAS?", *SETTINGS, b"LIAS?", *[b"SNAP? 3,4,9"] * 5, b"LIAS?"]
+        assert peer.commands == [b"LIAS?", *SETTINGS, b"LIAS?", *[b"SNAP? 3,4,9,3,4"] * 5, b"LIAS?"]
         assert not lock_in.is_reading()
 
     @pytest.mark.parametrize(("slope", "stages"), [(0, 1), (1, 2), (2, 3), (3, 4)])
@@ -208,18 +214,18 @@ class TestReading:
         peer, lock_in = lock_in({b"OFLT?": b"10\r"}, settings=Settings(1.0, 24))
         lock_in.start_reading(0.2)
         np.testing.assert_allclose(finish(lock_in), 16.2, atol=0.05)
-        assert peer.commands.count(b"SNAP? 3,4,9") == 1
+        assert peer.commands.count(b"SNAP? 3,4,9,3,4") == 1
 
     def test_fast_filter_does_not_ask_faster_than_the_poll(self, lock_in, finish):
         peer, lock_in = lock_in({b"OFLT?": b"0\r"}, settings=Settings(10e-6, 24))
         lock_in.start_reading(0.2)
         finish(lock_in)
-        assert 15 <= peer.commands.count(b"SNAP? 3,4,9") <= 21
+        assert 15 <= peer.commands.count(b"SNAP? 3,4,9,3,4") <= 21
 
     def test_samples_are_averaged_as_complex_numbers(self, lock_in, finish):
         samples = [(1e-3, 40.0), (3e-3, 100.0), (2e-3, -80.0)]
-        answers = [b"%g,%g,300\r" % sample for sample in samples]
-        _, lock_in = lock_in({b"SNAP? 3,4,9": answers})
+        answers = [b"%g,%g,300,%g,%g\r" % (*sample, *sample) for sample in samples]
+        _, lock_in = lock_in({b"SNAP? 3,4,9,3,4": answers})
         lock_in.start_reading(0.3)
         finish(lock_in)
         mean = sum(cmath.rect(volts, math.radians(degrees)) for volts, degrees in samples) / 3
@@ -227,8 +233,14 @@ class TestReading:
 
     def test_little_light_is_told_with_its_sign_in_phase_with_the_light_seen_last(self, lock_in, finish):
         """Noise in the dark then averages to nothing, which its magnitude does not."""
-        answers = [b"2e-9,100,300\r", b"1e-6,70,300\r", b"2e-9,100,300\r", b"2e-9,-110,300\r", b"1e-6,-20,300\r"]
-        _, lock_in = lock_in({b"SNAP? 3,4,9": [*answers, answers[0]]})
+        answers = [
+            b"2e-9,100,300,2e-9,100\r",
+            b"1e-6,70,300,1e-6,70\r",
+            b"2e-9,100,300,2e-9,100\r",
+            b"2e-9,-110,300,2e-9,-110\r",
+            b"1e-6,-20,300,1e-6,-20\r",
+        ]
+        _, lock_in = lock_in({b"SNAP? 3,4,9,3,4": [*answers, answers[0]]})
         told_w = []
         for _ in range(6):
             lock_in.start_reading(0.1)
@@ -241,8 +253,8 @@ class TestReading:
     def test_phase_of_the_light_is_kept_over_a_lost_link_unless_the_lock_in_was_reset(
         self, lock_in, finish, reference, sign
     ):
-        bright, dim = b"1e-6,70,300\r", b"2e-9,-110,300\r"
-        peer, lock_in = lock_in({b"SNAP? 3,4,9": [bright, dim]})
+        bright, dim = b"1e-6,70,300,1e-6,70\r", b"2e-9,-110,300,2e-9,-110\r"
+        peer, lock_in = lock_in({b"SNAP? 3,4,9,3,4": [bright, dim]})
         lock_in.connect()
         lock_in.start_reading(0.1)
         finish(lock_in)
@@ -345,22 +357,24 @@ class TestSpoiltReadings:
 
 class TestLine:
     def test_lost_sample_is_asked_for_again(self, lock_in, finish):
-        peer, lock_in = lock_in({b"SNAP? 3,4,9": [b"", b"0.5,0,300\r"]}, reply_timeout_s=0.05)
+        peer, lock_in = lock_in({b"SNAP? 3,4,9,3,4": [b"", b"0.5,0,300,0.5,0\r"]}, reply_timeout_s=0.05)
         lock_in.start_reading(0.1)
         finish(lock_in)
         assert lock_in.power_w() == 0.25
-        assert peer.commands[-5:] == [b"SNAP? 3,4,9", b"OUTX 0", b"*IDN?", b"SNAP? 3,4,9", b"LIAS?"]
+        assert peer.commands[-5:] == [b"SNAP? 3,4,9,3,4", b"OUTX 0", b"*IDN?", b"SNAP? 3,4,9,3,4", b"LIAS?"]
 
     def test_late_sample_is_not_taken_for_the_next_one(self, lock_in, finish):
-        changes = {b"SNAP? 3,4,9": [b"", b"0.5,0,300\r"], b"*IDN?": b"0.9,0,300\r" + IDENTITY}
+        changes = {b"SNAP? 3,4,9,3,4": [b"", b"0.5,0,300,0.5,0\r"], b"*IDN?": b"0.9,0,300,0.9,0\r" + IDENTITY}
         _, lock_in = lock_in(changes, reply_timeout_s=0.05)
         lock_in.start_reading(0.1)
         finish(lock_in)
         assert lock_in.power_w() == 0.25
 
-    @pytest.mark.parametrize("garbage", [b"\r", b"0.2,0\r", b"0.2,0.1,3\xff7\r", b"0.2,0,300,\r"])
+    @pytest.mark.parametrize(
+        "garbage", [b"\r", b"0.2,0\r", b"0.2,0.1,3\xff7,0.2,0.1\r", b"0.2,0,300,\r", b"0.2,0,300,0.6,0\r"]
+    )
     def test_garbled_sample_is_asked_for_again_and_never_used(self, lock_in, finish, garbage):
-        _, lock_in = lock_in({b"SNAP? 3,4,9": [garbage, b"0.5,0,300\r"]})
+        _, lock_in = lock_in({b"SNAP? 3,4,9,3,4": [garbage, b"0.5,0,300,0.5,0\r"]})
         lock_in.start_reading(0.1)
         finish(lock_in)
         assert lock_in.power_w() == 0.25
@@ -372,7 +386,7 @@ class TestLine:
         assert peer.commands == [b"LIAS?"]
 
     def test_endless_output_is_an_error(self, lock_in, clock):
-        _, lock_in = lock_in({b"SNAP? 3,4,9": b"7" * 100_000}, reply_timeout_s=0.1)
+        _, lock_in = lock_in({b"SNAP? 3,4,9,3,4": b"7" * 100_000}, reply_timeout_s=0.1)
         lock_in.start_reading(0.1)
         clock.time_s = SETTLING_S
         lock_in.is_reading()

@@ -65,7 +65,7 @@ SR830_FRAMES = [
         b"OUTX 0;*IDN?",
         b"*RST;*CLS",
         b"*ESR? 5;*STB?",
-        b"SNAP? 3,4,9;LIAS?",
+        b"SNAP? 3,4,9,3,4;LIAS?",
         b"OUTP? 1;OAUX? 2",
         b"SENS 17;SENS?",
         b"OFLT 10;OFSL 3;OFLT?",

@@ -145,7 +145,7 @@ def test_a_turned_row_is_that_of_the_turned_polarizer(angle_deg):
     axis.position_deg = lambda time_s: 0.0
     twice_rad = math.radians(2 * angle_deg)
     row = 0.5 * np.array([1, math.cos(twice_rad), math.sin(twice_rad), 0])
-    assert_allclose(turned(row, 20.0), RotatingPolarizer(axis).row(100.0), atol=1e-15)
+    assert_allclose(turned(row, 20.0), RotatingPolarizer(axis.motor_deg).row(100.0), atol=1e-15)
 
 
 def test_turning_an_element_leaves_what_it_does_to_circular_light():

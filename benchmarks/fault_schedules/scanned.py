@@ -1,0 +1,131 @@
+"""One short scan through faults, with the drivers, the engine, the reduction and the journal of a real scan."""
+
+from __future__ import annotations
+
+import functools
+import logging
+import signal
+import tempfile
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+from unittest import mock
+
+from benches import short_scan
+from struck import Struck, watched
+
+from acquisition.engine import Engine, stopped_afterwards
+from acquisition.events import Event, ReadingStored
+from acquisition.journal import Journal
+from acquisition.pipeline import Pipeline
+from acquisition.readings import Reading
+from drivers.clock import Deadline
+from drivers.wire.link import Link
+from goniometer import assembly
+from goniometer.planning import course, plan, reduction
+from sim_devices.bench import Bench
+from sim_devices.serving.clock import VirtualClock
+
+PATIENCE_S = 0.04
+"""Real seconds that a driver waits for an answer here: the simulated bench answers within one millisecond."""
+
+LONGEST_REAL_S = 20.0
+LONGEST_BENCH_S = 10_000.0
+
+REST_S = 1.0
+"""How long an axis that was told to stop may decelerate."""
+
+
+class ImpatientLink(Link):
+    """A link whose driver waits for no longer than `PATIENCE_S`."""
+
+    def __init__(self, port: str, **options: Any) -> None:
+        super().__init__(port, **options | {"reply_timeout_s": PATIENCE_S})
+
+
+class Hang(BaseException):
+    """A scan has taken too long."""
+
+
+@dataclass
+class Outcome:
+    """How a scan ended: what is stored, what was shown, what failed, which axes still move, and which faults struck."""
+
+    rows: tuple[Reading, ...] = ()
+    shown: list[Reading] = field(default_factory=list)
+    error: BaseException | None = None
+    moving: list[str] = field(default_factory=list)
+    struck: Struck = field(default_factory=set)
+    duration_s: float = 0.0
+
+
+def scanned(name: str, faults: Sequence[dict[str, Any]], seed: int) -> Outcome:
+    """Scan on the bench of that name, through faults."""
+    scan, outcome, clock = short_scan(name), Outcome(), VirtualClock()
+    scene = scan.scene(list(faults), seed)
+    bench = Bench(scene, clock)
+
+    def show(event: Event) -> None:
+        if isinstance(event, ReadingStored):
+            outcome.shown.append(event.reading)
+
+    def check() -> None:
+        if clock.now() > LONGEST_BENCH_S:
+            raise Hang("bench time")
+
+    with tempfile.TemporaryDirectory(prefix="faults") as folder, bench:
+        with Journal.create(Path(folder) / "journal.sqlite", {}) as journal, watched(scene) as outcome.struck:
+            pipeline = Pipeline(reduction(scan.recipe, scan.rig), None, [show])
+            way = course(scan.recipe, scan.rig, clock, pipeline.publish)
+            duration_s = sum(step.duration_s for step in plan(scan.recipe, scan.rig))
+            try:
+                with assembly.connected(scan.rig, scan.ports(bench), clock, 550.0) as devices:
+                    engine = Engine(devices, clock, journal, pipeline.publish, check, duration_s)
+                    with stopped_afterwards(devices, clock):
+                        engine.home()
+                        while steps := way.next(pipeline.points):
+                            engine.run(steps)
+                            pipeline.end_point()
+            except (Exception, Hang) as error:  # noqa: BLE001 (judged afterwards)
+                outcome.error = error
+        with Journal.open(journal.path) as journal:
+            outcome.rows = journal.readings()
+        outcome.duration_s = clock.now()
+        clock.sleep(REST_S)
+        now_s = clock.now()
+        outcome.moving = [role for role, axis in bench.world.axes.items() if axis.velocity_deg_s(now_s) != 0.0]
+    return outcome
+
+
+@functools.cache
+def without_faults(name: str) -> Outcome:
+    """The same scan without faults."""
+    outcome = scanned(name, [], 1)
+    if outcome.error is not None:
+        raise outcome.error
+    return outcome
+
+
+@contextmanager
+def time_limit() -> Iterator[None]:
+    """Raise Hang when the block takes too long in real time."""
+
+    def give_up(number: int, frame: Any) -> None:
+        raise Hang("real time")
+
+    signal.signal(signal.SIGALRM, give_up)
+    signal.setitimer(signal.ITIMER_REAL, LONGEST_REAL_S)
+    try:
+        yield
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0.0)
+
+
+def make_impatient() -> None:
+    """Let drivers wait as long as a simulated bench needs, and no longer; in this process, for good."""
+    logging.disable(logging.WARNING)
+    mock.patch("goniometer.rig_devices.connecting.Link", ImpatientLink).start()
+    mock.patch("drivers.modbus.port.Link", ImpatientLink).start()
+    mock.patch.object(Deadline, "_REAL_GRACE_S", 0.0).start()
