@@ -19,6 +19,9 @@ from sim_devices.serving.json_lines import parsed, printed
 _LONGEST_REQUEST = 4096
 _LONGEST_SLEEP_S = 1e6
 
+_LETS_GO_S = 0.5
+"""Real seconds for which a program waits for the one before it, which has ended but has not been seen to yet."""
+
 _NAP_S = 0.5
 """Real seconds from look to look whether the client for whom time is slept away is still there."""
 
@@ -119,7 +122,7 @@ class _Client(socketserver.StreamRequestHandler):
             while line := self.rfile.readline(_LONGEST_REQUEST):
                 request = parsed(line)
                 is_fault = isinstance(request, dict) and request.get("request") == "fault"
-                is_served = is_served or (not is_fault and control.client.acquire(blocking=False))
+                is_served = is_served or (not is_fault and control.client.acquire(timeout=_LETS_GO_S))
                 if request is None:  # whatever this is, a web page perhaps, it does not speak to a bench
                     self._send({"error": "this is no JSON object in a line of its own"})
                     return
