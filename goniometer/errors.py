@@ -23,6 +23,8 @@ Each is also the builtin that it resembles, so ``except TimeoutError`` works wit
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
+from typing import Any
 
 
 class GoniometerError(Exception):
@@ -41,6 +43,10 @@ class ConfigurationError(GoniometerError, ValueError):
     def __init__(self, faults: Sequence[str]) -> None:
         self.faults = tuple(faults)
         super().__init__("\n".join(self.faults))
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Let it come whole out of another process."""
+        return type(self), (self.faults,), self.__dict__
 
 
 class DeviceError(GoniometerError):
@@ -61,6 +67,14 @@ class DeviceError(GoniometerError):
     def __init__(self, device: str, happened: str, *, not_done: str, to_do: str) -> None:
         self.device, self.happened, self.not_done, self.to_do = device, happened, not_done, to_do
         super().__init__(f"{device}: {happened}. Not done: {not_done}. What to do: {to_do}.")
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Let it come whole out of another process."""
+        return (
+            partial(type(self), not_done=self.not_done, to_do=self.to_do),
+            (self.device, self.happened),
+            self.__dict__,
+        )
 
 
 class NotConnectedError(DeviceError, ConnectionError):
@@ -117,3 +131,7 @@ class ScanInterrupted(GoniometerError):
     def __init__(self, reason: str, exit_code: int) -> None:
         self.reason, self.exit_code = reason, exit_code
         super().__init__(reason)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Let it come whole out of another process."""
+        return type(self), (self.reason, self.exit_code), self.__dict__
