@@ -202,3 +202,19 @@ def test_a_busy_device_hears_later_and_once(scaled_port):
 
 def test_the_same_seed_gives_the_same_garbage():
     assert become("garbled", bits=4) == become("garbled", bits=4)
+
+
+ANSWER = b"\1\3\4\0\0\x40\x30"
+FRAMES = [ANSWER + crc16(ANSWER), b"\0\7\0\0\0\7" + ANSWER, b"\0\0\0\0\0\1\1\3", bytes(20)]
+
+
+@pytest.mark.parametrize("name", ["modbus_exception", "crc_error", "garbled", "split", "merged", "short", "duplicated"])
+@pytest.mark.parametrize("frame", FRAMES)
+def test_what_another_fault_has_left_of_a_frame_stops_no_bench(name, frame):
+    for length in range(1, len(frame) + 1):
+        assert all(isinstance(piece, bytes) for _, piece in become(name, frame[:length]))
+
+
+def test_less_than_a_frame_is_no_reply_to_refuse():
+    assert become("modbus_exception", b"\1") == [(1.0, b"\1")]
+    assert become("modbus_exception", b"\1\3\4\0") == [(1.0, b"\1\3\4\0")]
