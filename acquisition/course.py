@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from itertools import groupby
 from typing import Protocol
 
 from acquisition.expand import Step, Target
@@ -21,22 +21,38 @@ class Course(Protocol):
         """Why there is no further direction."""
         ...
 
+    @property
+    def ahead(self) -> Target | None:
+        """Where the next steps begin, whatever is found in the last ones; None if that is not known before."""
+        ...
+
     def next(self, points: Sequence[StokesPoint]) -> Sequence[Step]:
-        """The steps of the next direction, when these points have been measured; none once the scan has ended."""
+        """The steps up to the end of the next direction, when these points are measured; none at the scan's end."""
         ...
 
 
 class Listed:
-    """All steps as they were planned."""
+    """All steps as they were planned, up to the end of one direction after the other."""
 
     reason = "finished"
 
     def __init__(self, steps: Sequence[Step]) -> None:
-        self._directions = (tuple(group) for _, group in groupby(steps, key=lambda step: step.point))
+        self._steps = steps
+        last = {step.point: number for number, step in enumerate(steps)}
+        self._ends = deque(sorted(number + 1 for number in last.values()))
+        self._done = 0
+
+    @property
+    def ahead(self) -> Target | None:
+        """Where the steps go on behind those that were taken last."""
+        return self._steps[self._done].target if self._done < len(self._steps) else None
 
     def next(self, points: Sequence[StokesPoint]) -> Sequence[Step]:
-        """The steps of the next direction, whatever was measured."""
-        return next(self._directions, ())
+        """The steps up to the end of the next direction, whatever was measured."""
+        if not self._ends:
+            return ()
+        begin, self._done = self._done, self._ends.popleft()
+        return self._steps[begin : self._done]
 
 
 @dataclass(frozen=True)

@@ -20,6 +20,16 @@ def in_break(found: LampBreak, readings: Sequence[Reading]) -> str:
     )
 
 
+def unfinished(points: Sequence[int]) -> str:
+    """Which directions of a scan that was cut off have too few readings; empty if there is none."""
+    if not points:
+        return ""
+    return (
+        f"The scan was cut off before {_named(points)} {'were' if len(set(points)) > 1 else 'was'} finished; the "
+        f"{len(points)} readings there are stored, and are left out of every result"
+    )
+
+
 def behind_last_reference(lamp: LampLevel, readings: Sequence[Reading]) -> str:
     """Which directions no reference closes; empty if the recipe has none, or the last one stands at the end."""
     if not lamp.times_s or lamp.is_dark(-1):

@@ -8,15 +8,16 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Protocol
 
-from acquisition.events import Event, LinkRestored, ReadingStored, StepStarted
-from acquisition.expand import Step
+from acquisition.events import Event, LinkRestored, StepStarted
+from acquisition.expand import Step, Target
 from acquisition.journal import Journal
 from acquisition.lost_links import LostLinks
-from acquisition.placement import Placement, until_at_rest
+from acquisition.placement import Placement
 from acquisition.protocols import Analyzer, Detector, HomingAxis
-from acquisition.readings import Reading
+from acquisition.readout import Readout
 from acquisition.stopping import stop_all
-from acquisition.timing import READING_POLL_S
+from acquisition.time_left import TimeLeft
+from acquisition.timing import POLL_S
 from drivers.clock import Clock
 from drivers.interlock import Interlock
 from drivers.motion import without_home
@@ -110,8 +111,8 @@ class Engine:
         Called with each event.
     check : callable
         Called between any two waits; raises to end the scan.
-    duration_s : float
-        How long the whole scan may take, from which the time left is counted down.
+    time_left : TimeLeft
+        How long the rest of the scan takes.
     """
 
     def __init__(
@@ -121,14 +122,19 @@ class Engine:
         journal: Journal,
         publish: Callable[[Event], None],
         check: Callable[[], None],
-        duration_s: float,
+        time_left: TimeLeft,
     ) -> None:
         self._bench, self._clock, self._journal = bench, clock, journal
-        self._publish, self._check, self._time_left_s = publish, check, duration_s
-        self._placement = Placement(bench, self._wait)
+        self._publish, self._check, self._time_left = publish, check, time_left
+        self._placement = Placement(bench, clock, self._wait)
         self._links = LostLinks(bench, clock, self._wait, self._begin_again)
         self._links_restored = 0
-        self.readings_taken = 0
+        self._readout = Readout(bench, clock, journal, publish, self._placement, self._wait)
+
+    @property
+    def readings_taken(self) -> int:
+        """How many readings are stored."""
+        return self._readout.readings_taken
 
     def home(self) -> None:
         """Home the axes that the bench says, one after the other: on its way, nobody knows where an axis is.
@@ -148,7 +154,9 @@ class Engine:
         for axis in self._bench.to_home:
             self._check()
             axis.start_homing()
-            until_at_rest([axis], [axis], self._wait)
+            self._wait(POLL_S)
+            while axis.is_moving():
+                self._wait(POLL_S)
             self._wait(axis.settle_s)
             if not axis.is_homed():
                 raise DeviceFaultError(
@@ -161,8 +169,15 @@ class Engine:
             if turned is not None and not turned.is_homed():
                 raise without_home(turned.name, "the scan was not begun")
 
-    def run(self, steps: Sequence[Step]) -> None:
+    def run(self, steps: Sequence[Step], ahead: Target | None = None) -> None:
         """Run steps; the caller stops the bench after the last ones (`stopped_afterwards`).
+
+        Parameters
+        ----------
+        steps : sequence of Step
+            What is to be done.
+        ahead : Target, optional
+            Where the scan goes on behind them: its axes are on their way there when this returns.
 
         Raises
         ------
@@ -171,7 +186,7 @@ class Engine:
         ScanInterrupted
             When `check` says so.
         """
-        for step in steps:
+        for step, after in zip(steps, [*(step.target for step in steps[1:]), ahead], strict=True):
             target = step.target
             self._publish(
                 StepStarted(
@@ -181,20 +196,20 @@ class Engine:
                     target.azimuth_deg,
                     target.slot,
                     self.readings_taken,
-                    self._time_left_s,
+                    self._time_left.left_s(),
+                    self._time_left.elapsed_s(),
                 )
             )
             self._check()
-            self._placement.leave()
             self._links.begin_step()
-            for repeat in range(step.readings):
-                reading = self._links.through(partial(self._reading, step, repeat))
-                self._journal.append(reading)
-                self.readings_taken += 1
-                self._publish(ReadingStored(reading))
-            self._time_left_s -= step.duration_s
-        self._links.begin_step()
-        self._links.through(self._placement.require_still_there)
+            taken = self._readout.readings_taken
+            while self._readout.readings_taken < taken + step.readings:
+                self._links.through(partial(self._readout.take, step, taken, after))
+                after = None  # a reading was in doubt: the bench stays until one is not
+            self._time_left.step_done(step.duration_s)
+        if ahead is None:
+            self._links.begin_step()
+            self._links.through(self._placement.require_still_there)
 
     def _begin_again(self, restored: LinkRestored) -> None:
         self._placement.leave()
@@ -203,41 +218,15 @@ class Engine:
         self._journal.remember(f"link lost {self._links_restored}", note)
         self._publish(restored)
 
-    def _reading(self, step: Step, repeat: int) -> Reading:
-        """Take one reading, where and as the step wants it."""
-        incidence_deg, exit_deg, azimuth_deg = self._placement.arrive(step.target)
-        detector = self._bench.detector
-        time_s = self._clock.now()
-        detector.start_reading(step.exposure_s)
-        self._wait(READING_POLL_S)
-        while detector.is_reading():
-            self._wait(READING_POLL_S)
-        power_w = detector.power_w()
-        self._placement.require_slot(step.target.slot)
-        return Reading(
-            point=step.point,
-            kind=step.kind,
-            repeat=repeat,
-            time_s=time_s,
-            incidence_deg=incidence_deg,
-            exit_deg=exit_deg,
-            azimuth_deg=azimuth_deg,
-            slot=step.target.slot,
-            analyzer_deg=step.analyzer_deg,
-            exposure_s=step.exposure_s,
-            power_w=power_w,
-            retarder_deg=step.retarder_deg,
-            retardance_deg=step.retardance_deg,
-        )
-
     def _wait(self, duration_s: float) -> None:
         """Let time pass in slices, so that an interruption is noticed soon.
 
         What is left is counted down, not read off the clock: in virtual time another party may move the clock between
         two looks at it, and time stamps would depend on who came first.
         """
+        self._check()
         while duration_s > 0.0:
-            self._check()
             slice_s = min(duration_s, _SLICE_S)
             self._clock.sleep(slice_s)
             duration_s -= slice_s
+            self._check()

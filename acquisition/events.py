@@ -33,7 +33,11 @@ class ScanStarted:
 
 @dataclass(frozen=True)
 class StepStarted:
-    """The bench is about to move; angles in degrees. Of `expected_duration_s`, `time_left_s` is left."""
+    """The bench goes to this place, in degrees and slot, or is on its way there.
+
+    `time_left_s` is left by the plan and by how long its steps have taken so far; `elapsed_s` have gone on the bench's
+    clock.
+    """
 
     point: int
     incidence_deg: float
@@ -42,6 +46,7 @@ class StepStarted:
     slot: int
     readings_done: int
     time_left_s: float
+    elapsed_s: float = 0.0
 
 
 @dataclass(frozen=True)

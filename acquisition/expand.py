@@ -3,92 +3,43 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 
-from acquisition.analyzer_matrix import AnalyzerState
-from acquisition.readings import ReadingKind
-from acquisition.recipe import Recipe, Reference
-from acquisition.timing import POLL_S, AnalyzerTiming, BenchTiming
+import numpy as np
 
-
-@dataclass(frozen=True)
-class Slots:
-    """Which analyzer slot holds what.
-
-    `polarizers` are slots by the angle that a recipe names; `retarded` are those with a retarder, by number, with
-    the angles that a recipe names. Beside them there are the blocked and the open slot.
-    """
-
-    polarizers: Mapping[float, int]
-    offset_deg: float
-    blocked: int | None
-    open: int | None
-    retarded: Mapping[int, AnalyzerState] = field(default_factory=dict)
-
-    def signal(self, polarizer_deg: float, retarder_deg: float | None) -> tuple[int, AnalyzerState]:
-        """The slot with these angles, and the analyzer's state there, from the s-direction."""
-        if retarder_deg is None:
-            return self.polarizers[polarizer_deg], AnalyzerState(polarizer_deg + self.offset_deg)
-        named = (polarizer_deg, retarder_deg)
-        slot, state = next(
-            (slot, state) for slot, state in self.retarded.items() if (state.polarizer_deg, state.retarder_deg) == named
-        )
-        return slot, AnalyzerState(
-            polarizer_deg + self.offset_deg, retarder_deg + self.offset_deg, state.retardance_deg
-        )
+from acquisition.blocks import Sweep, blocks
+from acquisition.moving import Moving
+from acquisition.recipe import Recipe
+from acquisition.steps import HOME as HOME
+from acquisition.steps import Slots as Slots
+from acquisition.steps import Step as Step
+from acquisition.steps import Target as Target
+from acquisition.timing import BenchTiming
+from acquisition.visits import Visits as Visits
+from acquisition.visits import shortest_tour
 
 
 @dataclass(frozen=True)
-class Target:
-    """Where the bench stands: three angles in degrees and the analyzer's slot."""
+class Direction:
+    """One of the recipe's directions, by its number: where it is, and how often each slot is read there."""
 
+    point: int
     incidence_deg: float
     exit_deg: float
     azimuth_deg: float
-    slot: int
-
-    @property
-    def axes_deg(self) -> dict[str, float]:
-        """Where the axes stand, by role."""
-        return {
-            "source_arm": self.incidence_deg,
-            "detector_arm": self.exit_deg,
-            "sample_azimuth": self.azimuth_deg,
-        }
-
-
-HOME = Target(0.0, 0.0, 0.0, 1)
-"""Where a bench is taken to stand before its first step."""
-
-
-@dataclass(frozen=True)
-class Step:
-    """One place of the bench and the readings taken there, `reading_s` each of the whole `duration_s`."""
-
-    point: int
-    kind: ReadingKind
-    target: Target
-    analyzer_deg: float | None
     readings: int
-    exposure_s: float
-    duration_s: float
-    retarder_deg: float | None = None
-    retardance_deg: float | None = None
-    reading_s: float = 0.0
 
-    @property
-    def analyzer(self) -> AnalyzerState:
-        """What the light passes."""
-        return AnalyzerState(self.analyzer_deg, self.retarder_deg, self.retardance_deg)
-
-
-_Place = tuple[ReadingKind, Target, AnalyzerState]
-_Stop = tuple[int, ReadingKind, AnalyzerState]
+    def through(self, slot: int) -> Target:
+        """Where the bench stands for it, with a slot in the beam."""
+        return Target(self.incidence_deg, self.exit_deg, self.azimuth_deg, slot)
 
 
 def expand(recipe: Recipe, slots: Slots, timing: BenchTiming) -> tuple[Step, ...]:
-    """Turn a recipe into its steps, with the arms taking the directions in the recipe's order.
+    """Turn a recipe into its steps, in the order that takes the least time.
+
+    The arm takes the directions as it comes by, upwards or downwards as the recipe does; `blocks` says how many of them
+    are swept, forth and back, slot after slot. No block goes beyond the next reference.
 
     Parameters
     ----------
@@ -102,123 +53,92 @@ def expand(recipe: Recipe, slots: Slots, timing: BenchTiming) -> tuple[Step, ...
     Returns
     -------
     tuple of Step
-        `duration_s` of a step counts its moves, settling, position checks and readings. With a reference in the recipe
-        the last step reads it once more, so that every direction stands between two references.
+        `point` of a step is the number of its direction in the recipe. `duration_s` counts its moves, settling and
+        readings. With a reference in the recipe the last step reads it once more, so that every direction stands
+        between two references.
     """
-    visits = Visits(recipe, slots, timing)
-    steps: list[Step] = []
-    directions = zip(recipe.exit_angles_deg(), recipe.readings_of_angles(), strict=True)
-    for point, (exit_deg, readings) in enumerate(directions):
-        here = steps[-1].target if steps else HOME
-        steps += visits.steps(point, exit_deg, readings, here)
-    return (*steps, *visits.closing(steps[-1].point, steps[-1].target))
+    return tuple(_Listed(recipe, slots, timing).steps())
 
 
-class Visits:
-    """Steps of one direction at a time, from wherever the bench stands.
-
-    At each direction the analyzer runs through its slots from whichever end is nearer to where it stands (the wheel
-    snakes).
-
-    Parameters
-    ----------
-    recipe, slots, timing
-        As for `expand`.
-    """
+class _Listed:
+    """The steps of a recipe that says beforehand all that is measured."""
 
     def __init__(self, recipe: Recipe, slots: Slots, timing: BenchTiming) -> None:
-        self._recipe, self._slots, self._timing = recipe, slots, timing
-        self._tour = _tour(recipe, slots, timing.analyzer)
+        self._recipe, self._timing = recipe, timing
+        self._tour = shortest_tour(recipe, slots, timing.analyzer)
+        self._visits = Visits(recipe, slots, timing)
+        self._moving_s = Moving(timing)
 
-    def steps(self, point: int, exit_deg: float, readings: int, here: Target) -> tuple[Step, ...]:
-        """The steps that measure an exit angle with so many readings in every slot, as the point of this number."""
-        return self._timed(point, readings, here, self._places(point, exit_deg, here))
+    def steps(self) -> Iterator[Step]:
+        here = HOME
+        reference = self._recipe.reference
+        route = self._route()
+        every = len(route) if reference is None else reference.every_points
+        for first in range(0, len(route), every):
+            part = route[first : first + every]
+            if reference is not None:
+                (step,) = self._visits.reference(part[0].point, part[0].readings, here)
+                yield step
+                here = step.target
+            for block in blocks(self._sweep(part), self._recipe.direction_within_s):
+                for step in self._swept([part[place] for place in block], here):
+                    yield step
+                    here = step.target
+        if reference is not None:
+            yield from self._visits.reference(route[-1].point, route[-1].readings, here)
 
-    def closing(self, point: int, here: Target) -> tuple[Step, ...]:
-        """The reference that closes a scan behind its last point; none for a recipe without references."""
-        if self._recipe.reference is None:
-            return ()
-        return self._timed(
-            point, self._recipe.readings_of_angles()[-1], here, [self._reference(self._recipe.reference)]
+    def _route(self) -> list[Direction]:
+        """The directions in the order in which the arm comes by, upwards or downwards as the recipe begins and ends."""
+        recipe = self._recipe
+        angles_deg = recipe.exit_angles_deg()
+        angles = zip(angles_deg, recipe.readings_of_angles(), strict=True)
+        route = sorted(
+            (
+                Direction(point, recipe.incidence_deg, exit_deg, recipe.azimuth_deg, readings)
+                for point, (exit_deg, readings) in enumerate(angles)
+            ),
+            key=lambda direction: direction.exit_deg,
+        )
+        return route if angles_deg[0] <= angles_deg[-1] else route[::-1]
+
+    def _sweep(self, part: Sequence[Direction]) -> Sweep:
+        slot = self._tour[0][0]
+        targets = [direction.through(slot) for direction in part]
+        onward_s = [
+            (self._moving_s(one, other) + self._moving_s(other, one)) / 2 for one, other in itertools.pairwise(targets)
+        ]
+        turns = itertools.pairwise(part[0].through(stop[0]) for stop in self._tour)
+        return Sweep(
+            onward_s=np.array(onward_s),
+            reading_s=np.array([self._readings_s(direction.readings) for direction in part]),
+            turn_s=sum(self._moving_s(one, other) for one, other in turns),
+            slots=len(self._tour),
         )
 
-    def closing_s(self) -> float:
-        """The longest time that `closing` may take, from wherever a direction leaves the bench."""
-        ends = [
-            Target(self._recipe.incidence_deg, exit_deg, self._recipe.azimuth_deg, slot)
-            for exit_deg in set(self._recipe.exit_angles_deg())
-            for slot, _, _ in (self._tour[0], self._tour[-1])
-        ]
-        return max(sum(step.duration_s for step in self.closing(0, end)) for end in ends)
-
-    def _timed(self, point: int, readings: int, here: Target, places: Iterable[_Place]) -> tuple[Step, ...]:
-        steps, exposure_s = [], self._recipe.exposure_s
-        reading_s = self._timing.reading_s(exposure_s)
-        for kind, there, state in places:
-            duration_s = _moving_s(here, there, self._timing) + readings * reading_s
-            steps.append(
-                Step(
-                    *(point, kind, there, state.polarizer_deg, readings, exposure_s, duration_s),
+    def _swept(self, block: Sequence[Direction], here: Target) -> Iterator[Step]:
+        """The steps of a block: from whichever end and whichever slot is reached sooner, and then forth and back."""
+        recipe, tour = self._recipe, self._tour
+        ways = [(order, stops) for order in (block, block[::-1]) for stops in (tour, tour[::-1])]
+        block, tour = min(ways, key=lambda way: self._moving_s(here, way[0][0].through(way[1][0][0])))
+        reading_s, exposure_s = self._timing.reading_s(recipe.exposure_s), recipe.exposure_s
+        taking_s = [self._readings_s(direction.readings) for direction in block]
+        onward_s, back_s = self._between_s(block), self._between_s(block[::-1])
+        for slot, kind, state in tour:
+            moving_s = self._moving_s(here, block[0].through(slot))
+            for direction, next_s, taken_s in zip(block, [*onward_s, 0.0], taking_s, strict=True):
+                here = direction.through(slot)
+                duration_s = moving_s + taken_s
+                yield Step(
+                    *(direction.point, kind, here, state.polarizer_deg, direction.readings, exposure_s, duration_s),
                     *(state.retarder_deg, state.retardance_deg, reading_s),
                 )
-            )
-            here = there
-        return tuple(steps)
+                moving_s = next_s
+            block, onward_s, back_s, taking_s = block[::-1], back_s, onward_s, taking_s[::-1]
 
-    def _places(self, point: int, exit_deg: float, here: Target) -> Iterator[_Place]:
-        recipe, analyzer, slot = self._recipe, self._timing.analyzer, here.slot
-        if recipe.reference is not None and point % recipe.reference.every_points == 0:
-            place = self._reference(recipe.reference)
-            yield place
-            slot = place[1].slot
-        tour = self._tour
-        if analyzer.move_s(slot, tour[-1][0]) < analyzer.move_s(slot, tour[0][0]):
-            tour = tour[::-1]
-        for slot, kind, state in tour:
-            yield kind, Target(recipe.incidence_deg, exit_deg, recipe.azimuth_deg, slot), state
+    def _readings_s(self, readings: int) -> float:
+        return self._timing.readings_s(readings, self._recipe.exposure_s)
 
-    def _reference(self, reference: Reference) -> _Place:
-        assert self._slots.open is not None, "a recipe with a reference is only accepted with an open slot"
-        place = Target(self._recipe.incidence_deg, reference.exit_deg, self._recipe.azimuth_deg, self._slots.open)
-        return "reference", place, AnalyzerState()
-
-
-def _tour(recipe: Recipe, slots: Slots, analyzer: AnalyzerTiming) -> list[_Stop]:
-    """The slots of one point in the order, round the wheel or along the angles, that takes the least time."""
-    stops: list[_Stop] = []
-    for polarizer_deg, retarder_deg in recipe.settings():
-        slot, state = slots.signal(polarizer_deg, retarder_deg)
-        stops.append((slot, "signal", state))
-    if recipe.dark:
-        assert slots.blocked is not None, "a recipe with dark readings is only accepted with a blocked slot"
-        stops.append((slots.blocked, "dark", AnalyzerState()))
-
-    def time_s(tour: list[_Stop]) -> float:
-        return sum(analyzer.move_s(here[0], there[0]) for here, there in itertools.pairwise(tour))
-
-    in_order = (
-        sorted(stops, key=lambda stop: stop[0]),
-        sorted(stops, key=lambda stop: stop[2].polarizer_deg or 0.0),
-        sorted(stops, key=lambda stop: stop[2].retarder_deg or 0.0),
-    )
-    return min((order[first:] + order[:first] for order in in_order for first in range(len(stops))), key=time_s)
-
-
-def _moving_s(here: Target, there: Target, timing: BenchTiming) -> float:
-    ways = (
-        (timing.source_arm, there.incidence_deg - here.incidence_deg),
-        (timing.detector_arm, there.exit_deg - here.exit_deg),
-        (timing.sample_azimuth, there.azimuth_deg - here.azimuth_deg),
-    )
-    checks_s = 2 * (timing.analyzer.exchange_s + sum(axis.exchange_s for axis, _ in ways))
-    going = [axis for axis, way in ways if way]
-    settles_s = [axis.settle_s for axis in going]
-    moving_s = timing.axes_s(here.axes_deg, there.axes_deg) + sum(axis.start_s for axis in going)
-    asking_s = sum(axis.exchange_s for axis in going)
-    if here.slot != there.slot:
-        moving_s = max(moving_s, timing.analyzer.move_s(here.slot, there.slot))
-        settles_s.append(timing.analyzer.settle_s)
-        asking_s += timing.analyzer.exchange_s
-    if not settles_s:
-        return checks_s
-    return checks_s + moving_s + POLL_S / 2 + asking_s + max(settles_s)
+    def _between_s(self, block: Sequence[Direction]) -> list[float]:
+        """How long it takes from each direction to the next, in whichever slot."""
+        slot = self._tour[0][0]
+        return [self._moving_s(one, other) for one, other in itertools.pairwise(one.through(slot) for one in block)]

@@ -8,8 +8,11 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from acquisition.readings import Reading
+
+FloatArray = NDArray[np.float64]
 
 LARGEST_CHANGE = 0.1
 """Relative change of the lamp from one reference to the next up to which it is taken to be linear in time."""
@@ -42,16 +45,21 @@ class LampLevel:
     powers_w: tuple[float, ...] = ()
     variances_w2: tuple[float, ...] = ()
 
-    def at(self, time_s: float) -> tuple[float, float]:
-        """Level and its variance at a time; held constant before the first and after the last reference."""
+    def at(self, times_s: Sequence[float]) -> tuple[FloatArray, FloatArray]:
+        """Levels (N,) and their covariance (N, N) at times; constant before the first and after the last reference."""
+        asked_s = np.asarray(times_s, np.float64)
         if not self.times_s:
-            return 1.0, 0.0
-        shares = np.array([np.interp(time_s, self.times_s, unit) for unit in np.eye(len(self.times_s))])
-        first_w = self.powers_w[0]
-        level = float(shares @ self.powers_w) / first_w
-        slopes = shares / first_w
-        slopes[0] -= level / first_w  # the first reference is in the denominator too
-        return level, float(slopes**2 @ self.variances_w2)
+            return np.ones(len(asked_s)), np.zeros((len(asked_s), len(asked_s)))
+        right = np.clip(np.searchsorted(self.times_s, asked_s), 1, max(len(self.times_s) - 1, 1))
+        around = np.unique(np.concatenate([[0], right - 1, np.minimum(right, len(self.times_s) - 1)]))
+        known_s, powers_w, variances_w2 = (
+            np.array(of_all)[around] for of_all in (self.times_s, self.powers_w, self.variances_w2)
+        )
+        shares = np.array([np.interp(asked_s, known_s, unit) for unit in np.eye(len(around))]).T
+        levels = shares @ powers_w / powers_w[0]
+        slopes = shares / powers_w[0]
+        slopes[:, 0] -= levels / powers_w[0]  # the first reference is in the denominator too
+        return levels, slopes * variances_w2 @ slopes.T
 
     def is_dark(self, number: int) -> bool:
         """Whether noise alone may have made the reference of this number."""

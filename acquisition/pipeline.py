@@ -29,8 +29,9 @@ class Pipeline:
     def __init__(self, reduction: Reduction, live_fit: LiveFit | None, subscribers: Sequence[Subscriber]) -> None:
         self._reduction, self._live_fit, self._subscribers = reduction, live_fit, subscribers
         self._readings: list[Reading] = []
-        self._of_point: list[Reading] = []
+        self._of_points: dict[int, list[Reading]] = {}
         self._references: list[Reading] = []
+        self._darks: dict[int, list[Reading]] = {}
         self.points: tuple[StokesPoint, ...] = ()
 
     def publish(self, event: Event) -> None:
@@ -42,7 +43,11 @@ class Pipeline:
         self._tell(event)
         if isinstance(event, ReadingStored):
             self._readings.append(event.reading)
-            self._of_point.append(event.reading)
+            self._of_points.setdefault(event.reading.point, []).append(event.reading)
+            if event.reading.kind == "reference":
+                self._references.append(event.reading)
+            elif event.reading.kind == "dark":
+                self._darks.setdefault(event.reading.point, []).append(event.reading)
 
     def _tell_doubts(self) -> None:
         try:
@@ -57,17 +62,18 @@ class Pipeline:
             subscriber(event)
 
     def end_point(self) -> None:
-        """Reduce the readings since the last point: a direction is complete, or the reference that closes the scan.
+        """Reduce the direction of the last reading: it is complete, or the reference that closes the scan is.
+
+        Others may have been begun before, and go on later.
 
         Raises
         ------
         ReductionError
-            When they do not determine its Stokes parameters, or references show that nobody knows how bright the lamp
-            was.
+            When its readings do not determine its Stokes parameters, or references show that nobody knows how bright
+            the lamp was.
         """
-        complete, self._of_point = self._of_point, []
-        self._references += [taken for taken in complete if taken.kind != "signal"]
-        lamp = self._reduction.lamp_level(self._references)
+        complete = self._of_points.pop(self._readings[-1].point)
+        lamp = self._reduction.lamp_level(self._of_lamp())
         self._reduction.require_lamp(lamp, self._readings)
         if all(taken.kind == "reference" for taken in complete):
             return
@@ -76,3 +82,8 @@ class Pipeline:
         self._tell(PointReduced(point))
         if self._live_fit is not None:
             self._live_fit.submit(self.points)
+
+    def _of_lamp(self) -> list[Reading]:
+        """What tells of the lamp: references, and the dark readings of their directions, as far as they are taken."""
+        points = dict.fromkeys(reference.point for reference in self._references)
+        return [*self._references, *(dark for point in points for dark in self._darks.get(point, ()))]

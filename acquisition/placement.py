@@ -2,18 +2,30 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections import deque
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from acquisition.expand import Target
 from acquisition.protocols import Analyzer, RotaryAxis
-from acquisition.timing import POLL_S
+from acquisition.timing import DUE_POLL_S, POLL_S
+from drivers.clock import Clock
 from goniometer.errors import PositionError
 
 if TYPE_CHECKING:
     from acquisition.engine import Bench
 
 _ANALYZER = "analyzer"
+
+_FRESH_S = 0.1
+"""How long it is taken for granted that axes at rest stand where they have just said."""
+
+_MARGIN_S = 0.0005
+"""How long after it should have arrived a device is asked first: a question that comes too early costs another one."""
+
+_OVERDUE_S = 0.05
+"""How long after it should have arrived a device is asked in quick succession."""
 
 
 class Placement:
@@ -23,47 +35,133 @@ class Placement:
     ----------
     bench : Bench
         The devices.
+    clock : Clock
+        The bench's clock.
     wait : callable
         Lets time pass; raises to end the scan.
     """
 
-    def __init__(self, bench: Bench, wait: Callable[[float], None]) -> None:
-        self._bench, self._wait = bench, wait
+    def __init__(self, bench: Bench, clock: Clock, wait: Callable[[float], None]) -> None:
+        self._bench, self._clock, self._wait = bench, clock, wait
         self._left_deg: dict[str, float] = {}
         self._sent: set[str] = set()
-        self._at: tuple[Target, tuple[float, ...]] | None = None
+        self._seen_deg: tuple[dict[str, float], float] | None = None
+        self._slot: int | None = None
+        self._at: Target | None = None
+        self._way: _Way | None = None
 
     def leave(self) -> None:
         """Take nothing for granted: `arrive` asks every device again where it stands."""
-        self._at = None
+        self._at = self._way = self._seen_deg = self._slot = None
 
-    def arrive(self, target: Target) -> tuple[float, ...]:
-        """Bring the bench to a target, unless it has arrived there and did not leave.
-
-        Returns
-        -------
-        tuple of float
-            The angles read back, in degrees: incidence, exit, azimuth.
+    def depart(self, target: Target) -> None:
+        """Begin to bring the axes to a target; the analyzer stays, so that it can still be asked.
 
         Raises
         ------
         PositionError
-            When an axis was not where it was left, nothing being moved, or has not come to where it was sent.
+            When an axis is not where it was left; nothing is moved.
+        CollisionError
+            When there is no safe way; nothing is moved.
         """
-        if self._at is None or self._at[0] != target:
-            self._at = None
-            self._move(target)
-            positions_deg = self._read_back(target)
-            self.require_slot(target.slot)
-            self._at = target, positions_deg
-        return self._at[1]
+        here_deg = self._still_there_deg()
+        targets_deg = {
+            role: angle_deg
+            for role, angle_deg in target.axes_deg.items()
+            if role in self._sent or abs(here_deg[role] - angle_deg) > self._bench.axes[role].tolerance_deg
+        }
+        self._at = self._seen_deg = None
+        self._way = _Way(target, targets_deg, deque(self._bench.order(targets_deg)))
+        self._go_on(self._way)
+
+    def arrive(self, target: Target) -> None:
+        """Bring the bench to a target and let it settle, unless it has arrived there and did not leave.
+
+        Where its axes are is read back by `read_back`, once a reading has begun.
+
+        Raises
+        ------
+        PositionError
+            When an axis was not where it was left, nothing being moved, or another slot is in the beam.
+        """
+        if self._at == target:
+            return
+        if self._way is not None and self._way.target != target:
+            self._end(self._way)
+        if self._way is None:
+            self.depart(target)
+        assert self._way is not None, "it has departed"
+        self._at, way = None, self._way
+        if self._slot is None:
+            self._slot = self._bench.analyzer.slot()
+        if self._slot != target.slot or _ANALYZER in self._sent:
+            self._sent.add(_ANALYZER)
+            self._slot = None
+            self._bench.analyzer.start_select(target.slot)
+            way.moving.append(self._bench.analyzer)
+        self._end(way)
+        self.require_slot(target.slot)
+        self._wait(max(way.settled_s - self._clock.now(), 0.0))
+        self._at = target
 
     def require_still_there(self) -> dict[str, float]:
-        """Where the axes are; raises PositionError when one is not where it was left.
+        """Ask every axis where it is; raises PositionError when one is not where it was left.
 
         A controller that was reset counts from where it stands: a move from there would lead anywhere.
         """
-        positions_deg = {role: axis.position_deg() for role, axis in self._bench.axes.items()}
+        self._seen_deg = None
+        return self._still_there_deg()
+
+    def require_slot(self, wanted: int) -> None:
+        """Ask before and after every reading: a wheel can be turned by hand."""
+        self._slot = self._bench.analyzer.slot()
+        if self._slot != wanted:
+            raise PositionError(
+                self._bench.analyzer.name,
+                f"{'no slot' if self._slot is None else f'slot {self._slot}'} is in the beam instead of slot {wanted}",
+                not_done="no reading was stored that this may have spoilt",
+                to_do="check that nothing holds the analyzer and that nobody turned it by hand, then run the recipe "
+                "again",
+            )
+
+    def read_back(self, *, anew: bool) -> tuple[float, ...]:
+        """Ask every axis where it is, at the target where the bench has arrived.
+
+        Parameters
+        ----------
+        anew : bool
+            Whether also when they have said so a moment ago.
+
+        Returns
+        -------
+        tuple of float
+            The angles, in degrees: incidence, exit, azimuth.
+
+        Raises
+        ------
+        PositionError
+            When an axis has not come to where it was sent, or does not stand there any more.
+        """
+        assert self._at is not None, "asked only where the bench has arrived"
+        if anew:
+            self._seen_deg = None
+        positions_deg, asked_s = self._positions_deg()
+        for role, target_deg in self._at.axes_deg.items():
+            axis, position_deg = self._bench.axes[role], positions_deg[role]
+            if abs(position_deg - target_deg) > axis.tolerance_deg:
+                raise PositionError(
+                    axis.name,
+                    f"stands at {position_deg:g} degrees after a move to {target_deg:g} degrees "
+                    f"(tolerance {axis.tolerance_deg:g} degrees)",
+                    not_done="the readings there",
+                    to_do="check that nothing touches the stage, home it, then run the recipe again",
+                )
+        self._left_deg, self._seen_deg = self._at.axes_deg, (positions_deg, asked_s)
+        self._sent.clear()
+        return tuple(positions_deg[role] for role in self._at.axes_deg)
+
+    def _still_there_deg(self) -> dict[str, float]:
+        positions_deg, _ = self._positions_deg()
         for role, left_deg in self._left_deg.items():
             axis = self._bench.axes[role]
             if role not in self._sent and abs(positions_deg[role] - left_deg) > axis.tolerance_deg:
@@ -76,73 +174,56 @@ class Placement:
                 )
         return positions_deg
 
-    def require_slot(self, wanted: int) -> None:
-        """Ask before and after every reading: a wheel can be turned by hand."""
-        slot = self._bench.analyzer.slot()
-        if slot != wanted:
-            raise PositionError(
-                self._bench.analyzer.name,
-                f"{'no slot' if slot is None else f'slot {slot}'} is in the beam instead of slot {wanted}",
-                not_done="no reading was stored that this may have spoilt",
-                to_do="check that nothing holds the analyzer and that nobody turned it by hand, then run the recipe "
-                "again",
-            )
+    def _positions_deg(self) -> tuple[dict[str, float], float]:
+        """Where the axes say they are, and when they began to say so, a moment ago if they rest since."""
+        if self._seen_deg is None or self._clock.now() - self._seen_deg[1] > _FRESH_S:
+            self._seen_deg = None
+            asked_s = self._clock.now()
+            return {role: axis.position_deg() for role, axis in self._bench.axes.items()}, asked_s
+        return self._seen_deg
 
-    def _move(self, target: Target) -> None:
-        """Start every motion that the target needs, then wait until all have ended and settled.
-
-        What was sent and did not arrive is sent again, wherever it stands: it has not come there as it should.
-        """
-        axes, analyzer = self._bench.axes, self._bench.analyzer
-        here_deg = self.require_still_there()
-        targets_deg = {
-            role: angle_deg
-            for role, angle_deg in target.axes_deg.items()
-            if role in self._sent or abs(here_deg[role] - angle_deg) > axes[role].tolerance_deg
-        }
-        turns = analyzer.slot() != target.slot or _ANALYZER in self._sent
-        settles_s = [axes[role].settle_s for role in targets_deg] + [analyzer.settle_s] * turns
-        moving: list[RotaryAxis | Analyzer] = []
-        if turns:
-            self._sent.add(_ANALYZER)
-            analyzer.start_select(target.slot)
-            moving.append(analyzer)
-        for together in self._bench.order(targets_deg):
-            for role in together:
-                self._sent.add(role)
-                axes[role].start_move(targets_deg[role])
-            arms = [axes[role] for role in together]
-            moving = until_at_rest([*arms, *moving], arms, self._wait)
-        until_at_rest(moving, moving, self._wait)
-        if settles_s:
-            self._wait(max(settles_s))
-
-    def _read_back(self, target: Target) -> tuple[float, ...]:
-        positions_deg = []
-        for role, target_deg in target.axes_deg.items():
+    def _go_on(self, way: _Way) -> None:
+        """Start the axes that move together next."""
+        for role in way.order.popleft() if way.order else ():
+            self._sent.add(role)
             axis = self._bench.axes[role]
-            position_deg = axis.position_deg()
-            if abs(position_deg - target_deg) > axis.tolerance_deg:
-                raise PositionError(
-                    axis.name,
-                    f"stands at {position_deg:g} degrees after a move to {target_deg:g} degrees "
-                    f"(tolerance {axis.tolerance_deg:g} degrees)",
-                    not_done="the readings there",
-                    to_do="check that nothing touches the stage, home it, then run the recipe again",
-                )
-            positions_deg.append(position_deg)
-        self._left_deg = target.axes_deg
-        self._sent.clear()
-        return tuple(positions_deg)
+            axis.start_move(way.targets_deg[role])
+            way.moving.append(axis)
+
+    def _end(self, way: _Way) -> None:
+        """Wait until all has arrived that is on its way or is to follow."""
+        while way.moving:
+            if way.order and way.moving == [self._bench.analyzer]:
+                self._go_on(way)
+            self._clock.sleep(0.0)  # in virtual time what was just sent may still be answered; then the clock stands
+            self._wait(_pause_s(way.moving))
+            moving = [device for device in way.moving if device.is_moving()]
+            for device in way.moving:
+                if device not in moving:
+                    way.settled_s = max(way.settled_s, self._rested_s(device) + device.settle_s)
+            way.moving = moving
+            if way.order and not moving:
+                self._go_on(way)
+        self._way = None
+
+    def _rested_s(self, device: RotaryAxis | Analyzer) -> float:
+        return device.rested_s if isinstance(device, RotaryAxis) else self._clock.now()
 
 
-def until_at_rest(
-    moving: list[RotaryAxis | Analyzer],
-    needed: Sequence[RotaryAxis | Analyzer],
-    wait: Callable[[float], None],
-) -> list[RotaryAxis | Analyzer]:
-    """Wait until the needed devices have arrived; returns the others that still move."""
-    while any(device in moving for device in needed):
-        wait(POLL_S)
-        moving = [device for device in moving if device.is_moving()]
-    return moving
+@dataclass
+class _Way:
+    """How the bench gets to a target: axes that are to move together, in turn, and what moves now."""
+
+    target: Target
+    targets_deg: Mapping[str, float]
+    order: deque[tuple[str, ...]]
+    moving: list[RotaryAxis | Analyzer] = field(default_factory=list)
+    settled_s: float = 0.0
+
+
+def _pause_s(moving: Sequence[RotaryAxis | Analyzer]) -> float:
+    """How long to wait until the next question: to when the first of them should arrive, and then not for long."""
+    remaining_s = min(device.remaining_s() for device in moving) + _MARGIN_S
+    if remaining_s > DUE_POLL_S:
+        return remaining_s if remaining_s < 2 * POLL_S else POLL_S
+    return DUE_POLL_S if remaining_s > -_OVERDUE_S else POLL_S

@@ -33,12 +33,21 @@ class RotaryAxis(Reachable, Protocol):
     settle_s: float
     tolerance_deg: float
 
+    @property
+    def rested_s(self) -> float:
+        """When it was seen to have come to rest, on the bench's clock."""
+        ...
+
     def start_move(self, target_deg: float) -> None:
         """Begin to move; raises LimitError before the first byte when the target is outside the limits."""
         ...
 
     def is_moving(self) -> bool:
         """Ask the device; raises DeviceFaultError or ReplyTimeoutError when the motion has failed."""
+        ...
+
+    def remaining_s(self) -> float:
+        """How long it should still move, by its speed; asks nothing. Infinite when nobody can tell."""
         ...
 
     def position_deg(self) -> float:
@@ -75,6 +84,10 @@ class Analyzer(Reachable, Protocol):
         """Whether the slot is still on its way; raises ReplyTimeoutError when it does not arrive."""
         ...
 
+    def remaining_s(self) -> float:
+        """How long it should still take; asks nothing. Infinite when nobody can tell."""
+        ...
+
     def slot(self) -> int | None:
         """Which slot the device says is in the beam; None when there is none."""
         ...
@@ -89,6 +102,13 @@ class Detector(Reachable, Protocol):
 
     def start_reading(self, exposure_s: float) -> None:
         """Begin one reading."""
+        ...
+
+    def is_exposing(self) -> bool:
+        """Whether the reading still needs the light; afterwards the bench may move, `is_reading` or not.
+
+        A detector that then finds the reading in doubt takes it again, and `is_reading` is true once more.
+        """
         ...
 
     def is_reading(self) -> bool:

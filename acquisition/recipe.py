@@ -22,6 +22,9 @@ Readings = Annotated[int, Field(ge=1, le=MAX_READINGS)]
 
 StandardError = Annotated[float, Field(gt=0)]
 
+WITHIN_S = 60.0
+"""In a minute the light of a lamp that has warmed up changes by less than a tenth of a percent."""
+
 FEWEST_CHOICES, MOST_CHOICES = 4, 200
 """Exit angles among which an adaptive scan chooses: fewer are no choice, more take longer to weigh than is worth it."""
 
@@ -92,6 +95,13 @@ class Recipe(Section):
         description="number of readings in every slot, 1 to 10000; or a list with one number for each exit angle"
     )
     exposure_s: float = Field(gt=0, le=3600, description="duration of one reading, in s")
+    direction_within_s: float = Field(
+        default=WITHIN_S,
+        ge=0,
+        le=1_000_000,
+        description="how far apart in time the readings of one direction may lie, in s: the scan may sweep many "
+        "directions in each slot where that is quicker; 0: every direction in one go",
+    )
     fit: FitChoice = Field(description="what to fit to the Stokes parameters")
     until: Annotated[dict[ParameterName, StandardError], Field(min_length=1)] | None = Field(
         default=None,
@@ -228,7 +238,7 @@ class Recipe(Section):
         return tuple(zip(self.analyzer_deg, self.retarder_deg or (None,) * len(self.analyzer_deg), strict=True))
 
     def exit_angles_deg(self) -> tuple[float, ...]:
-        """Return all exit angles in degrees, in the order in which they are measured."""
+        """Return all exit angles in degrees, as the recipe lists them."""
         if self.exit is not None:
             return self.exit.angles_deg()
         return self.exit_deg or ()

@@ -7,7 +7,7 @@ A reading of power P behind an analyzer with the row a, in the direction (incide
 with S in 1/sr; for a polarizer at psi, a = ½ [1, cos 2psi, sin 2psi, 0]. The Stokes parameters and the dark power of a
 direction are solved for together, so that the noise of the dark readings is carried into the covariance. S3 is among
 them where any of the analyzer's states depends on it, and otherwise is not spoken of. `lamp` is the reference readings'
-ratio to their first, 1 without any.
+ratio to their first at the time of the reading, 1 without any. The readings of a direction need not follow one another.
 """
 
 from __future__ import annotations
@@ -15,13 +15,12 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from itertools import groupby
 
 import numpy as np
 from numpy.typing import NDArray
 
 from acquisition.analyzer_matrix import AnalyzerState, analyzer_matrix, check_states
-from acquisition.doubts import behind_last_reference, in_break, without_light
+from acquisition.doubts import behind_last_reference, in_break, unfinished, without_light
 from acquisition.lamp_level import LARGEST_CHANGE, LampLevel, reference_groups
 from acquisition.polarization import stokes_point
 from acquisition.readings import Reading, StokesPoint
@@ -96,29 +95,35 @@ class Reduction:
         self._largest_change = largest_change
 
     def scan(self, readings: Sequence[Reading]) -> tuple[StokesPoint, ...]:
-        """Reduce every direction whose readings determine its Stokes parameters; readings of a cut-off last one wait.
+        """Reduce every direction whose readings determine its Stokes parameters, in the order of their numbers.
 
-        Directions between two references that do not show how bright the lamp was are left out; `doubts` names them.
+        Those of a scan that was cut off before they were finished are left out, and so are those between two references
+        that do not show how bright the lamp was; `doubts` names them.
 
         Raises
         ------
         ReductionError
-            When a direction other than the last cannot be reduced, or none is left.
+            When the lamp level is known at none of the finished directions, or the first reference shows no light.
         """
         lamp = self.lamp_level(readings)
         breaks = lamp.breaks(self._largest_change)
-        groups = [list(group) for _, group in groupby(readings, key=lambda reading: reading.point)]
-        if groups and not self._is_whole(groups[-1], readings):
-            groups.pop()
-        known = [group for group in groups if not any(found.holds(_middle_s(group)) for found in breaks)]
-        if groups and not known:
+        whole = self._whole(readings)
+        known = [
+            group
+            for group in whole
+            if not any(found.holds(one.time_s) for one in group if one.kind == "signal" for found in breaks)
+        ]
+        if whole and not known:
             raise ReductionError("; ".join(in_break(found, readings) for found in breaks))
         return tuple(self.point(group, lamp) for group in known)
 
     def doubts(self, readings: Sequence[Reading], points: Sequence[StokesPoint]) -> tuple[str, ...]:
         """Which readings are left out, and what a person should know before believing in the points, in words."""
         breaks = self.lamp_level(readings).breaks(self._largest_change)
-        return (*(in_break(found, readings) for found in breaks), *self.warnings(readings, points))
+        whole = {group[0].point for group in self._whole(readings)}
+        left_out = unfinished([one.point for one in readings if one.kind == "signal" and one.point not in whole])
+        said = *(in_break(found, readings) for found in breaks), left_out, *self.warnings(readings, points)
+        return tuple(filter(None, said))
 
     def warnings(self, readings: Sequence[Reading], points: Sequence[StokesPoint]) -> tuple[str, ...]:
         """What a person should know of the light of a scan before believing in its points, in words."""
@@ -136,13 +141,21 @@ class Reduction:
         if breaks := lamp.breaks(self._largest_change):
             raise ReductionError("; ".join(in_break(found, readings) for found in breaks))
 
-    def _is_whole(self, of_point: Sequence[Reading], readings: Sequence[Reading]) -> bool:
-        """Whether the readings of a direction determine as many Stokes parameters as those of the whole scan."""
+    def _whole(self, readings: Sequence[Reading]) -> list[list[Reading]]:
+        """The readings of each direction that determine as many Stokes parameters as those of the whole scan."""
+        groups: dict[int, list[Reading]] = {}
+        for reading in readings:
+            groups.setdefault(reading.point, []).append(reading)
+        states = _states(readings)
+        count = analyzer_matrix(states).shape[1] if states else 0
+        return [group for _, group in sorted(groups.items()) if self._determines(group, count)]
+
+    def _determines(self, of_point: Sequence[Reading], count: int) -> bool:
         try:
             self._refuse_undetermined(of_point)
         except ReductionError:
             return False
-        return bool(analyzer_matrix(_states(of_point)).shape[1] == analyzer_matrix(_states(readings)).shape[1])
+        return bool(analyzer_matrix(_states(of_point)).shape[1] == count)
 
     def _refuse_undetermined(self, readings: Sequence[Reading]) -> None:
         try:
@@ -191,16 +204,18 @@ class Reduction:
         signals = [reading for reading in readings if reading.kind == "signal"]
         self._refuse_undetermined(readings)
         exit_deg = float(np.mean([reading.exit_deg for reading in signals]))
-        level, level_variance = lamp.at(_middle_s(signals))
-        scale_w = (
-            self._radiometry.beam_power_w * self._radiometry.acceptance_sr * math.cos(math.radians(exit_deg)) * level
-        )
+        levels, of_levels = lamp.at([reading.time_s for reading in signals])
+        scale_w = self._radiometry.beam_power_w * self._radiometry.acceptance_sr * math.cos(math.radians(exit_deg))
+        lit = np.array([reading.kind == "signal" for reading in readings])
         count, matrix = _design_matrix(readings, self._has_dark)
+        matrix[lit, :count] *= levels[:, None]
         power_w = np.array([reading.power_w for reading in readings])
         exposure_s = np.array([reading.exposure_s for reading in readings])
-        solution, covariance = _solve(matrix, power_w, lambda mean_w: self._noise.variance(mean_w, exposure_s))
+        inverse, covariance = _inverted(matrix, power_w, lambda mean_w: self._noise.variance(mean_w, exposure_s))
+        solution = inverse @ power_w
+        by_levels = inverse[:count, lit] * (matrix[lit, :count] @ solution[:count] / levels)
         stokes = solution[:count] / scale_w
-        covariance = covariance[:count, :count] / scale_w**2 + np.outer(stokes, stokes) * level_variance / level**2
+        covariance = (covariance[:count, :count] + by_levels @ of_levels @ by_levels.T) / scale_w**2
         return stokes_point(signals[0], stokes, covariance)
 
     def _mean(self, readings: Sequence[Reading]) -> tuple[float, float]:
@@ -215,10 +230,6 @@ def _states(readings: Sequence[Reading]) -> list[AnalyzerState]:
     return list({reading.analyzer: None for reading in readings if reading.kind == "signal"})
 
 
-def _middle_s(readings: Sequence[Reading]) -> float:
-    return float(np.mean([reading.time_s for reading in readings if reading.kind == "signal"]))
-
-
 def _design_matrix(readings: Sequence[Reading], has_dark: bool) -> tuple[int, NDArray[np.float64]]:
     """How many Stokes parameters there are, and how these and the dark power make the readings."""
     signals = np.array([reading.kind == "signal" for reading in readings])
@@ -230,19 +241,18 @@ def _design_matrix(readings: Sequence[Reading], has_dark: bool) -> tuple[int, ND
     return count, rows
 
 
-def _solve(
+def _inverted(
     matrix: NDArray[np.float64],
     power_w: NDArray[np.float64],
     variance_of: Callable[[NDArray[np.float64]], NDArray[np.float64]],
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Weighted least squares, weighted by the variance of the fitted, not of the measured, powers.
+    """What solves for the unknowns by least squares, (unknowns, readings), and the covariance of the solution.
 
-    Weights from the measured powers would favour readings that came out low by chance and so bias the result.
+    It is weighted by the variance of the fitted, not of the measured, powers: weights from the measured ones would
+    favour readings that came out low by chance and so bias the result.
     """
     fitted_w = matrix @ np.linalg.lstsq(matrix, power_w, rcond=None)[0]
     stderr_w = np.sqrt(variance_of(fitted_w))
-    whitened = matrix / stderr_w[:, None]
-    q, r = np.linalg.qr(whitened)
-    solution = np.linalg.solve(r, q.T @ (power_w / stderr_w))
+    q, r = np.linalg.qr(matrix / stderr_w[:, None])
     inverse = np.linalg.inv(r)
-    return solution, inverse @ inverse.T
+    return inverse @ (q / stderr_w[:, None]).T, inverse @ inverse.T

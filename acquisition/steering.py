@@ -10,7 +10,7 @@ from collections.abc import Callable, Sequence
 
 from acquisition.course import Choice, Situation
 from acquisition.events import DirectionChosen, Event, FitRefused, FitUpdated
-from acquisition.expand import HOME, Step, Visits
+from acquisition.expand import HOME, Step, Target, Visits
 from acquisition.fit_points import dataset, fit_arguments, named_in_degrees
 from acquisition.readings import StokesPoint
 from acquisition.recipe import Recipe
@@ -59,6 +59,11 @@ class Steering:
         self._last: FitResult | None = None
         self._refusal = "there is no point yet"
         self.reason = ""
+
+    @property
+    def ahead(self) -> Target | None:
+        """Not known before the last direction is: it is chosen by what was found there."""
+        return None
 
     def next(self, points: Sequence[StokesPoint]) -> Sequence[Step]:
         """The steps of the next direction, when these points have been measured; at last those that close the scan."""

@@ -2,21 +2,27 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Protocol
 
 from drivers.collision_zones import Zone, free_order
+from drivers.motion import motion_s
 
 POLL_S = 0.02
 """How often a moving device is asked whether it has arrived."""
 
+DUE_POLL_S = 0.001
+"""How often once it should have arrived, or a reading should have come."""
+
 READING_POLL_S = 0.005
 """How often it is looked whether a reading has come; costs no exchange with the device."""
 
-READING_S = READING_POLL_S + 0.004
-"""What a reading takes beyond its exposure: the poll that finds it, and the questions whether it is what was asked."""
+CONFIRM_S = 0.004
+"""The questions whether a reading is what was asked: a step's last is confirmed on the way to the next direction."""
+
+READING_S = CONFIRM_S
+"""What a reading takes beyond its exposure."""
 
 EXCHANGE_S = 0.01
 """A question and its answer on a serial line: 20 characters at 19200 baud, or a controller's own latency."""
@@ -26,8 +32,8 @@ EXCHANGE_S = 0.01
 class AxisTiming:
     """An axis that accelerates evenly to its speed, then needs `settle_s` to come to rest.
 
-    It takes `exchange_s` to ask where the axis is, and `start_s` for whatever else belongs to a move. Where there is
-    `backlash_deg`, moves down go so far below their target and come back.
+    It takes `exchange_s` to ask something, such as whether it has arrived, and `start_s` for whatever else belongs to a
+    move and nothing hides. Where there is `backlash_deg`, moves down go so far below their target and come back.
     """
 
     velocity_deg_s: float
@@ -44,13 +50,7 @@ class AxisTiming:
         return self._way_s(distance_deg)
 
     def _way_s(self, distance_deg: float) -> float:
-        """Duration of a trapezoidal profile, or of a triangle when full speed is not reached."""
-        distance_deg = abs(distance_deg)
-        if distance_deg == 0.0:
-            return 0.0
-        if distance_deg < self.velocity_deg_s**2 / self.acceleration_deg_s2:
-            return 2.0 * math.sqrt(distance_deg / self.acceleration_deg_s2)
-        return distance_deg / self.velocity_deg_s + self.velocity_deg_s / self.acceleration_deg_s2
+        return motion_s(distance_deg, self.velocity_deg_s, self.acceleration_deg_s2)
 
 
 class AnalyzerTiming(Protocol):
@@ -165,8 +165,17 @@ class BenchTiming:
     detector: DetectorTiming = DetectorTiming()
 
     def reading_s(self, exposure_s: float) -> float:
-        """Duration of a reading, and of looking at the analyzer after it."""
-        return self.detector.reading_s(exposure_s) + self.analyzer.exchange_s
+        """Duration of a reading; the axes are asked where they are meanwhile, which may take longer."""
+        asking_s = sum(axis.exchange_s for axis in (self.source_arm, self.detector_arm, self.sample_azimuth))
+        return max(self.detector.reading_s(exposure_s), asking_s + CONFIRM_S)
+
+    def readings_s(self, readings: int, exposure_s: float) -> float:
+        """Duration of a step's readings: during the last, the analyzer is asked about the one before it, too."""
+        if readings < 2:
+            return readings * self.reading_s(exposure_s)
+        axes = self.source_arm, self.detector_arm, self.sample_azimuth
+        asking_s = self.analyzer.exchange_s + sum(axis.exchange_s for axis in axes) + CONFIRM_S
+        return readings * self.reading_s(exposure_s) + max(asking_s - self.reading_s(exposure_s), 0.0)
 
     def axes_s(self, here_deg: Mapping[str, float], there_deg: Mapping[str, float]) -> float:
         """Duration of the axes' moves between two places, given by role; a way through a zone counts as if free."""
@@ -176,7 +185,7 @@ class BenchTiming:
             "sample_azimuth": self.sample_azimuth,
         }
         ways = {role: (start, there_deg[role]) for role, start in here_deg.items() if start != there_deg[role]}
-        if not ways:
-            return 0.0
+        if len(ways) < 2:
+            return sum(axes[role].move_s(there - here) for role, (here, there) in ways.items())
         order = free_order(self.zones, here_deg, ways) or (tuple(ways),)
         return sum(max(axes[role].move_s(ways[role][1] - ways[role][0]) for role in together) for together in order)

@@ -16,6 +16,7 @@ from acquisition.engine import Bench, Engine
 from acquisition.events import FitUpdated, ScanEnded
 from acquisition.fit_points import dataset, surface_family
 from acquisition.journal import Journal
+from acquisition.time_left import TimeLeft
 from goniometer.assembly import connected
 from goniometer.bench import served_ports, simulate
 from goniometer.load_files import load_recipe
@@ -31,7 +32,7 @@ REPEATS = 5
 class InMemory:
     """Every role of a bench at once: arrives, and reads, without delay."""
 
-    name, settle_s, tolerance_deg = "in memory", 0.0, 0.001
+    name, settle_s, tolerance_deg, rested_s = "in memory", 0.0, 0.001, 0.0
 
     def __init__(self):
         self._position = 0
@@ -50,7 +51,10 @@ class InMemory:
     def is_moving(self):
         return False
 
-    is_reading = is_moving
+    is_reading = is_exposing = is_moving
+
+    def remaining_s(self):
+        return 0.0
 
     def position_deg(self):
         return self._position
@@ -137,7 +141,8 @@ def engine_alone():
     steps = plan(setup.recipe, setup.rig)
     bench = Bench(InMemory(), InMemory(), InMemory(), InMemory(), InMemory())
     with tempfile.TemporaryDirectory() as folder, Journal.create(Path(folder) / "journal.sqlite", {}) as journal:
-        engine = Engine(bench, FreeClock(), journal, lambda event: None, lambda: None, 0.0)
+        clock = FreeClock()
+        engine = Engine(bench, clock, journal, lambda event: None, lambda: None, TimeLeft(clock, 0.0))
         cpu_s, wall_s = time.process_time(), time.perf_counter()
         engine.run(steps)
         cpu_s, wall_s = time.process_time() - cpu_s, time.perf_counter() - wall_s

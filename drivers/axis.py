@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import deque
 from collections.abc import Callable, Sequence
 
@@ -9,6 +10,7 @@ from drivers.clock import Clock, Deadline
 from drivers.motion import (
     Progress,
     motion_deadline,
+    motion_s,
     no_home,
     refuse_elsewhere,
     refuse_outside,
@@ -17,12 +19,15 @@ from drivers.motion import (
     stop_or_warn,
     without_home,
 )
-from drivers.stage import Stage
+from drivers.stage import SaysWhenItStood, Stage
 from drivers.travel import Travel, nearest_turn_deg
 from goniometer.errors import DeviceFaultError
 
 HOMING_S = 180.0
 """How long a stage may search its home position."""
+
+_FRESH_S = 0.1
+"""How long the position of an axis at rest, once asked, is taken for where it starts from."""
 
 
 class Axis:
@@ -42,6 +47,8 @@ class Axis:
     permit : callable or None
         Asked before a move with the angles where it begins, turns and ends; raises to refuse it. None for an axis that
         cannot touch anything.
+    rested_s : float
+        When it was seen to have come to rest, on the bench's clock.
     """
 
     def __init__(self, stage: Stage, clock: Clock, travel: Travel) -> None:
@@ -56,6 +63,9 @@ class Axis:
         self._is_under_way = False
         self._within_deg: tuple[float, float] | None = None
         self._was_homed = False
+        self._seen_deg: tuple[float, float] | None = None
+        self._arrives_s = math.inf
+        self.rested_s = 0.0
         self.permit: Callable[[Sequence[float]], None] | None = None
 
     def connect(self) -> tuple[str, ...]:
@@ -105,7 +115,7 @@ class Axis:
         refuse_outside(self.name, target_deg, self.travel.reachable_deg)
         if not self.is_homed():
             raise without_home(self.name, f"the move to {target_deg:g} degrees; nothing was moved")
-        here_deg = self._counted_deg()
+        here_deg = self._start_deg()
         way_deg = self.way_deg(here_deg, target_deg)
         if self.permit is not None:
             self.require_rest()
@@ -169,11 +179,18 @@ class Axis:
             return True
         self._forget_motion()
         self._is_under_way = False
+        stage = self._stage
+        self.rested_s = stage.stood_s if isinstance(stage, SaysWhenItStood) else self._clock.now()
         return False
+
+    def remaining_s(self) -> float:
+        """How long it should still take to the end of this leg, by its speed; infinite when it searches its home."""
+        return self._arrives_s - self._clock.now()
 
     def position_deg(self) -> float:
         """Where the stage says it is; of an axis that turns for ever, the angle nearest to its last target."""
         position_deg = self._counted_deg()
+        self._seen_deg = None if self._is_under_way else (position_deg, self._clock.now())
         return nearest_turn_deg(position_deg, self._target_deg) if self.travel.wraps else position_deg
 
     def stop(self) -> None:
@@ -190,6 +207,7 @@ class Axis:
 
     def reconnect(self) -> None:
         """Open the stage's port afresh, once, after the link was lost; raises NotConnectedError."""
+        self._seen_deg = None
         self._stage.reconnect()
 
     def close(self) -> None:
@@ -201,6 +219,7 @@ class Axis:
         way_deg = there_deg - here_deg
         self._came_from_below = way_deg > 0 or (way_deg == 0 and self._came_from_below)
         self._deadline = motion_deadline(self._clock, way_deg, stage.velocity_deg_s, stage.acceleration_deg_s2)
+        self._arrives_s = self._clock.now() + motion_s(way_deg, stage.velocity_deg_s, stage.acceleration_deg_s2)
         self._progress = Progress(self._clock, here_deg, there_deg, stage) if stage.reports_in_motion else None
         stage.start_move(self.travel.zero_deg + there_deg)
 
@@ -226,7 +245,14 @@ class Axis:
 
     def _forget_motion(self) -> None:
         self._legs.clear()
-        self._deadline = self._progress = None
+        self._deadline = self._progress = self._seen_deg = None
+        self._arrives_s = math.inf
+
+    def _start_deg(self) -> float:
+        """Where the axis is, as it said just now, if it has not been moved since."""
+        if self.permit is None and self._seen_deg is not None and self._clock.now() - self._seen_deg[1] <= _FRESH_S:
+            return self._seen_deg[0]
+        return self._counted_deg()
 
     def _counted_deg(self) -> float:
         return self._stage.position_deg() - self.travel.zero_deg

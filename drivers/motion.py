@@ -60,6 +60,14 @@ def without_home(name: str, not_done: str) -> DeviceFaultError:
     )
 
 
+def motion_s(distance_deg: float, velocity_deg_s: float, acceleration_deg_s2: float) -> float:
+    """Duration of a motion of trapezoidal speed, or of a triangle when full speed is not reached."""
+    distance_deg = abs(distance_deg)
+    if distance_deg < velocity_deg_s**2 / acceleration_deg_s2:
+        return 2.0 * math.sqrt(distance_deg / acceleration_deg_s2)
+    return distance_deg / velocity_deg_s + velocity_deg_s / acceleration_deg_s2
+
+
 def motion_deadline(clock: Clock, distance_deg: float, velocity_deg_s: float, acceleration_deg_s2: float) -> Deadline:
     """Allow twice the duration of a trapezoidal motion, and 5 s."""
     duration_s = abs(distance_deg) / velocity_deg_s + velocity_deg_s / acceleration_deg_s2

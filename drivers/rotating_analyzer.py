@@ -33,6 +33,10 @@ class TurningAxis(Protocol):
         """Ask whether the motion goes on."""
         ...
 
+    def remaining_s(self) -> float:
+        """How long it should still move."""
+        ...
+
     def position_deg(self) -> float:
         """Where the axis says it is."""
         ...
@@ -123,6 +127,10 @@ class RotatingAnalyzer:
         """Whether an axis is still on its way; raises what an axis raises when its motion has failed."""
         moving = [axis.is_moving() for axis in self._axes]  # each is asked: asking is what moves an axis on
         return any(moving)
+
+    def remaining_s(self) -> float:
+        """How long the last axis should still take."""
+        return max(axis.remaining_s() for axis in self._axes)
 
     def slot(self) -> int | None:
         """Which slot's angles the axes say they are at, each within its tolerance and whole turns aside; or None."""

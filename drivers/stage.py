@@ -2,7 +2,15 @@
 
 from __future__ import annotations
 
-from typing import Protocol
+from typing import Protocol, runtime_checkable
+
+
+@runtime_checkable
+class SaysWhenItStood(Protocol):
+    """A stage whose `is_moving` asks more behind the end of a motion, in which it settles already."""
+
+    stood_s: float
+    """When the device last said that it stands, on the bench's clock."""
 
 
 class Stage(Protocol):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
@@ -58,6 +59,8 @@ class ThorlabsFw102c:
         self._in_step = True  # nothing was asked yet; `connect` proves it
         self._marks = 0
         self._target: int | None = None
+        self._seen: int | None = None
+        self._arrives_s = math.inf
         self._deadline = Deadline(clock, 0.0)
 
     def connect(self) -> tuple[str, ...]:
@@ -97,6 +100,8 @@ class ThorlabsFw102c:
                 not_done="the move was refused and nothing was sent",
                 to_do="correct the slot in the rig file",
             )
+        apart = self.slots if self._seen is None else abs(slot - self._seen)
+        self._arrives_s = self._clock.now() + min(apart, self.slots - apart) * self.slot_s
         self._write(f"pos={slot}")
         self._target = slot
         self._deadline = Deadline(self._clock, self._longest_motion_s)
@@ -133,9 +138,14 @@ class ThorlabsFw102c:
             )
         return False
 
+    def remaining_s(self) -> float:
+        """How long the slot should still be on its way, as fast as the rig file says."""
+        return self._arrives_s - self._clock.now()
+
     def slot(self) -> int:
         """Which slot the wheel says is in the beam; after a motion that was not waited for, waits for its end."""
-        return self._link.until_answered(lambda: self._query("pos?", whole_number))
+        self._seen = self._link.until_answered(lambda: self._query("pos?", whole_number))
+        return self._seen
 
     def stop(self) -> None:
         """Do nothing: the wheel has no command to stop and ends its motion by itself within seconds.

@@ -2,40 +2,45 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from itertools import groupby
+import itertools
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
 from acquisition.analyzer_matrix import analyzer_matrix
-from acquisition.expand import Step
+from acquisition.expand import HOME, Step
 from acquisition.recipe import Recipe
 from goniometer.durations import clock_text
 from goniometer.load_files import Setup
 from goniometer.planning import aim, beginning
 
+_BYTES_PER_READING = 100
+
 
 def describe_plan(setup: Setup) -> str:
-    """The steps of a recipe, a line a direction, with the time at which each ends; as far as they are known."""
+    """What a recipe comes to, and its steps, a line a direction or a sweep, with the time at which each ends."""
     steps = beginning(setup.recipe, setup.rig)
     lines = [
         *_heading(setup.recipe, steps),
         f"rig: {setup.rig.rig} ({setup.rig_path})",
         f"analyzer: {_told(steps)}",
+        f"travel: {_travel(steps)}",
+        f"data: about {_size(sum(step.readings for step in steps))} in the journal",
+        *_apart(steps),
         "",
-        " point  incidence     exit  azimuth  analyzer slots       ends at",
+        f"{'points':>15}  incidence  {'exit':>20}  azimuth  {'analyzer slots':<18}   ends at",
     ]
     elapsed_s = 0.0
-    for (point, kind_is_reference), group in groupby(steps, key=lambda step: (step.point, step.kind == "reference")):
-        of_point = list(group)
-        elapsed_s += sum(step.duration_s for step in of_point)
-        lines.append(_line(point, of_point, elapsed_s) + ("  reference" if kind_is_reference else ""))
+    for run in _runs(steps):
+        elapsed_s += sum(step.duration_s for step in run)
+        lines.append(_line(run, elapsed_s))
     return "\n".join([*lines, *_outlook(setup.recipe, elapsed_s), "", "Nothing was moved."])
 
 
 def _told(steps: Sequence[Step]) -> str:
     """What the analyzer's settings tell, and by how much they may enlarge errors."""
-    matrix = analyzer_matrix([step.analyzer for step in steps if step.kind == "signal"])
+    states = {step.analyzer: None for step in steps if step.kind == "signal"}
+    matrix = analyzer_matrix(list(states))
     return f"S0 to S{matrix.shape[1] - 1}, condition number {np.linalg.cond(matrix):.3g}"
 
 
@@ -48,6 +53,57 @@ def _heading(recipe: Recipe, steps: Sequence[Step]) -> list[str]:
     if not recipe.is_steered:
         return [f"{recipe.recipe}: {amount}"]
     return [f"{recipe.recipe}: {aim(recipe)}", f"{'at first' if recipe.adaptive else 'one pass'}: {amount}"]
+
+
+def _travel(steps: Sequence[Step]) -> str:
+    """How far each axis goes, and how often the analyzer changes its slot, from home."""
+    places = [HOME, *(step.target for step in steps)]
+    angles_deg = np.array([(place.incidence_deg, place.exit_deg, place.azimuth_deg) for place in places])
+    ways_deg = np.abs(np.diff(angles_deg, axis=0)).sum(axis=0)
+    axes = ", ".join(
+        f"{role.replace('_', ' ')} {way_deg:.0f}°" for role, way_deg in zip(HOME.axes_deg, ways_deg, strict=True)
+    )
+    changes = sum(one.slot != other.slot for one, other in itertools.pairwise(places))
+    return f"{axes}, analyzer {changes} changes of slot"
+
+
+def _size(readings: int) -> str:
+    size = readings * _BYTES_PER_READING / 1000
+    return f"{size:.0f} kB" if size < 1000 else f"{size / 1000:.3g} MB"
+
+
+def _apart(steps: Sequence[Step]) -> list[str]:
+    """How long the readings of one direction take, and so the lamp must keep."""
+    begun_s: dict[int, float] = {}
+    now_s = longest_s = 0.0
+    for step in steps:
+        now_s += step.duration_s
+        if step.kind != "reference":
+            begin_s = now_s - step.readings * step.reading_s
+            longest_s = max(longest_s, now_s - begun_s.setdefault(step.point, begin_s))
+    return [f"the readings of a direction are taken within {clock_text(longest_s)}"]
+
+
+def _runs(steps: Sequence[Step]) -> Iterator[list[Step]]:
+    """Steps that follow one another in one direction, or through one slot."""
+    run: list[Step] = []
+    for step in steps:
+        if run and not _goes_on(run, step):
+            yield run
+            run = []
+        run.append(step)
+    yield run
+
+
+def _goes_on(run: Sequence[Step], step: Step) -> bool:
+    last = run[-1]
+    if step.kind != last.kind and "reference" in (step.kind, last.kind):
+        return False
+    if len(run) == 1:
+        return step.point == last.point or step.target.slot == last.target.slot
+    if run[0].point == last.point:
+        return step.point == last.point
+    return step.target.slot == last.target.slot
 
 
 def _outlook(recipe: Recipe, elapsed_s: float) -> list[str]:
@@ -66,10 +122,13 @@ def _outlook(recipe: Recipe, elapsed_s: float) -> list[str]:
     ]
 
 
-def _line(point: int, steps: list[Step], elapsed_s: float) -> str:
-    target = steps[0].target
-    slots = " ".join(str(step.target.slot) for step in steps)
+def _line(run: Sequence[Step], elapsed_s: float) -> str:
+    first, last = run[0], run[-1]
+    points, exits = f"{first.point}", f"{first.target.exit_deg:.3f}°"
+    if last.point != first.point:
+        points, exits = f"{points} to {last.point}", f"{exits} to {last.target.exit_deg:.3f}°"
+    slots = " ".join(str(slot) for slot in dict.fromkeys(step.target.slot for step in run))
     return (
-        f"{point:6d}  {target.incidence_deg:8.3f}°  {target.exit_deg:7.3f}°  {target.azimuth_deg:6.2f}°  "
-        f"{slots:<18}  {clock_text(elapsed_s):>8}"
+        f"{points:>15}  {first.target.incidence_deg:8.3f}°  {exits:>20}  {first.target.azimuth_deg:6.2f}°  "
+        f"{slots:<18}  {clock_text(elapsed_s):>8}" + ("  reference" if first.kind == "reference" else "")
     )

@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Annotated, Self
 
+import numpy as np
 from pydantic import Field, model_validator
 
 from acquisition.expand import Step, Target
 from acquisition.section import Section, SectionFault, refuse_all
-from drivers.collision_zones import ArmsTooClose, Box, Span, Zone, free_order
+from drivers.collision_zones import ArmsTooClose, Box, Span, Zone, entered, free_order
 from drivers.travel import Travel
 from goniometer.rig_devices.entry import ROLES, Angle, Role
 
@@ -76,10 +76,10 @@ class _WithinTolerance:
         return self.zone.describe()
 
 
-def first_blocked(
+def blocked_ways(
     steps: Sequence[Step], zones: Sequence[Zone], travels: Mapping[Role, Travel]
-) -> tuple[Target, Target] | None:
-    """The first two places of a scan between which no order of moves keeps out of the zones; None when all are free.
+) -> Iterator[tuple[Target, Target]]:
+    """The places of a scan between which no order of moves keeps out of the zones, each way once, forth or back.
 
     Where the bench will stand before the first place is not known: every axis is taken to reach it from above. Later
     moves are taken to approach from below too, also where a short step up needs no approach: the way there was free.
@@ -94,17 +94,58 @@ def first_blocked(
         How the axes move, by role.
     """
     if not zones:
-        return None
-    tolerances_deg: dict[str, float] = {role: travels[role].tolerance_deg for role in ROLES}
-    zones = [_WithinTolerance(zone, tolerances_deg) for zone in zones]
-    places = [step.target for step in steps]
-    for number, (here, there) in enumerate(itertools.pairwise([*places[:1], *places])):
-        standing_deg, going_deg = here.axes_deg, there.axes_deg
+        return
+    way_of = _Ways([step.target for step in steps], zones, travels)
+    known: set[frozenset[tuple[float, ...]]] = set()
+    for number in way_of.blocked(0, len(steps)):
+        here, there = way_of.places[number], way_of.places[number + 1]
+        ends = frozenset(tuple(place.axes_deg.values()) for place in (here, there))
+        if ends not in known:
+            known.add(ends)
+            yield here, there
+
+
+class _Ways:
+    """The ways of a scan, in order; stretches that stay clear of every zone as a whole are not looked at one by one."""
+
+    def __init__(self, places: Sequence[Target], zones: Sequence[Zone], travels: Mapping[Role, Travel]) -> None:
+        tolerances_deg: dict[str, float] = {role: travels[role].tolerance_deg for role in ROLES}
+        self.places = [*places[:1], *places]
+        self._travels = travels
+        self._zones = [_WithinTolerance(zone, tolerances_deg) for zone in zones]
+        self._angles_deg = np.array([list(place.axes_deg.values()) for place in self.places])
+        self._wraps = any(travels[role].wraps for role in ROLES)
+
+    def blocked(self, first: int, last: int) -> Iterator[int]:
+        """The numbers of the ways in a stretch, each from its place to the next, that no order of moves keeps free."""
+        if last <= first or self._is_clear(first, last):
+            return
+        if last == first + 1:
+            if not self._is_free(first):
+                yield first
+            return
+        middle = (first + last) // 2
+        yield from self.blocked(first, middle)
+        yield from self.blocked(middle, last)
+
+    def _is_clear(self, first: int, last: int) -> bool:
+        """Whether the axes may be anywhere between all the places of a stretch, independently of each other."""
+        if self._wraps:
+            return False
+        angles_deg = self._angles_deg[first : last + 1]
+        spans: dict[str, Span] = {
+            role: (low - self._travels[role].backlash_deg, high)
+            for role, low, high in zip(
+                ROLES, angles_deg.min(axis=0).tolist(), angles_deg.max(axis=0).tolist(), strict=True
+            )
+        }
+        return entered(self._zones, spans) is None
+
+    def _is_free(self, number: int) -> bool:
+        standing_deg, going_deg = self.places[number].axes_deg, self.places[number + 1].axes_deg
         ways: dict[str, list[float]] = {
-            role: travels[role].way_deg(standing_deg[role], going_deg[role], came_from_below=False)
+            role: self._travels[role].way_deg(standing_deg[role], going_deg[role], came_from_below=False)
             for role in ROLES
             if number == 0 or going_deg[role] != standing_deg[role]
         }
-        if free_order(zones, standing_deg, ways) is None:
-            return here, there
-    return None
+        return free_order(self._zones, standing_deg, ways) is not None

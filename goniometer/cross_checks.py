@@ -8,7 +8,7 @@ from pathlib import Path
 
 from acquisition.analyzer_matrix import AnalyzerState, check_states
 from acquisition.recipe import Recipe
-from goniometer.collision_zones import first_blocked
+from goniometer.collision_zones import blocked_ways
 from goniometer.errors import ReductionError
 from goniometer.planning import beginning, plan
 from goniometer.rig_devices.entry import Role
@@ -16,6 +16,9 @@ from goniometer.rig_file import Rig
 from goniometer.yaml_file import Fault, KeyPath, YamlFile
 from model.acceptance import WIDEST_RAD, half_angle_rad
 from sim_devices.scene import Scene
+
+_MOST_WAYS = 20
+"""Collisions on the way of a scan that are listed; behind so many, more tell nothing new."""
 
 _SAME_DURATION = 1e-6
 """Relative difference up to which an exposure is a whole number of samples."""
@@ -114,13 +117,18 @@ def _angles(recipe: Recipe) -> Iterator[tuple[Role, KeyPath, float]]:
 
 def path_on_rig(recipe: Recipe, file: YamlFile, rig: Rig, rig_path: Path) -> Iterator[Fault]:
     """Whether a scan can be run without a collision; for a recipe and a rig that fit together."""
+    if not rig.zones:
+        return
+    key = ("exit",) if recipe.exit is not None else ("exit_deg",)
     # an adaptive scan may go from any of its angles to any other, and so from end to end
     travels = {role: axis.travel for role, axis in rig.axes().items()}
-    blocked = first_blocked(plan(recipe, rig), rig.zones, travels)
-    if blocked is not None:
+    for number, blocked in enumerate(blocked_ways(plan(recipe, rig), rig.zones, travels)):
+        if number == _MOST_WAYS:
+            yield file.fault(key, "leads through collision zones on further ways, which are not listed")
+            return
         here, there = (f"{place.incidence_deg:g}/{place.exit_deg:g}/{place.azimuth_deg:g}" for place in blocked)
         yield file.fault(
-            ("exit",) if recipe.exit is not None else ("exit_deg",),
+            key,
             f"leads through a collision zone: from incidence/exit/azimuth {here} to {there} degrees no order of moves "
             f"keeps out of the collision_zones of {rig_path}. Leave those angles out",
         )

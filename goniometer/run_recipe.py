@@ -16,6 +16,7 @@ from acquisition.fit_points import fit_arguments, surface_family
 from acquisition.journal import Journal
 from acquisition.live_fit import LiveFit
 from acquisition.pipeline import Pipeline
+from acquisition.time_left import TimeLeft
 from drivers.clock import Clock
 from goniometer.assembly import connected
 from goniometer.bench import Speed, access
@@ -123,7 +124,8 @@ def _measure(
         started = _started(setup, str(folder), bench_access.scene_text, bench.notes)
         pipeline.publish(started)
         way = course(recipe, rig, clock, pipeline.publish)
-        engine = Engine(bench, clock, stored, pipeline.publish, interruption.check, started.expected_duration_s)
+        time_left = TimeLeft(clock, started.expected_duration_s, is_limit=recipe.is_steered)
+        engine = Engine(bench, clock, stored, pipeline.publish, interruption.check, time_left)
         try:
             _scan(engine, bench, way, clock, pipeline)
         except BaseException as error:
@@ -169,7 +171,7 @@ def _scan(engine: Engine, bench: Bench, way: Course, clock: Clock, pipeline: Pip
             engine.home()
             start_s = clock.now()
             while steps := way.next(pipeline.points):
-                engine.run(steps)
+                engine.run(steps, way.ahead)
                 pipeline.end_point()
     except BaseException as error:
         try:

@@ -69,10 +69,8 @@ class ScanSoFar:
                 self.ended = event
 
     def bench_elapsed_s(self) -> float:
-        """How much of the expected duration is done, on the bench's clock."""
-        if self.started is None or self.step is None:
-            return 0.0
-        return self.started.expected_duration_s - self.step.time_left_s
+        """How long the scan has taken up to its last step, on the bench's clock."""
+        return 0.0 if self.step is None else self.step.elapsed_s
 
     def bench_speed(self) -> float | None:
         """Seconds of the bench in a real second, 1 on a real bench; None until it shows."""

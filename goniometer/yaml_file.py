@@ -9,19 +9,17 @@ from typing import Any
 
 import yaml
 
+from goniometer.yaml_nodes import ALIAS, TAGGED, composed
 from goniometer.yaml_scalar import Scalar, read_scalar
 from goniometer.yaml_syntax import explain_character, explain_syntax, lines_indented_with_tabs
 
 MAX_BYTES = 1_000_000
-MAX_DEPTH = 20
 
 KeyPath = tuple[str | int, ...]
 """The keys (and, in lists, the numbers of the items) that lead from the top of a file to a value."""
 
 UNREAD = object()
 """Stands in `YamlFile.data` for a value that could not be read, and is valid nowhere."""
-
-_ALIAS, _TAGGED, _TOO_DEEP = "alias", "tagged", "too deep"
 
 
 @dataclass(frozen=True)
@@ -119,10 +117,8 @@ def _parse(path: Path, text: str) -> YamlFile:
         return YamlFile(path, text, faults=tabs)
     reading = _Reading(name)
     try:
-        loader = _Loader(text)
-        root = loader.get_node() if loader.check_node() else None
-        if root is not None and loader.check_node():
-            second: Any = loader.peek_event()  # type: ignore[no-untyped-call]
+        root, second = composed(text)
+        if second is not None:
             what = "a second document begins here ('---'). Write one document a file"
             reading.faults.append(Fault(name, second.start_mark.line + 1, what))
     except yaml.MarkedYAMLError as error:
@@ -138,28 +134,6 @@ def _parse(path: Path, text: str) -> YamlFile:
     reading.lines[()] = root.start_mark.line + 1
     data = reading.mapping(root, ())
     return YamlFile(path, text, data, reading.lines, tuple(reading.faults), frozenset(reading.unread))
-
-
-class _Loader(yaml.SafeLoader):
-    """Composes nodes with a placeholder for everything these files may not hold; constructs nothing."""
-
-    def __init__(self, text: str) -> None:
-        super().__init__(text)
-        self._depth = 0
-
-    def compose_node(self, parent: yaml.Node | None, index: Any) -> yaml.Node | None:
-        event: Any = self.peek_event()  # type: ignore[no-untyped-call]
-        if self.check_event(yaml.AliasEvent):
-            self.get_event()  # type: ignore[no-untyped-call]
-            return yaml.ScalarNode(_ALIAS, f"*{event.anchor}", event.start_mark, event.end_mark)
-        if self._depth == MAX_DEPTH:
-            raise yaml.composer.ComposerError(None, None, _TOO_DEEP, event.start_mark)
-        self._depth += 1
-        node = super().compose_node(parent, index)
-        self._depth -= 1
-        if event.tag is not None:
-            return yaml.ScalarNode(_TAGGED, event.tag, event.start_mark, event.end_mark)
-        return node
 
 
 class _Reading:
@@ -218,8 +192,8 @@ class _Reading:
 
 
 def _read_leaf(node: yaml.Node) -> Scalar:
-    if node.tag == _ALIAS:
+    if node.tag == ALIAS:
         raise ValueError(f"is the alias {node.value}; aliases are not read. Write the value out in full")
-    if node.tag == _TAGGED:
+    if node.tag == TAGGED:
         raise ValueError(f"has the tag {node.value}; tags are not read. Write the plain value")
     return read_scalar(node)

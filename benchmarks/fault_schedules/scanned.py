@@ -21,6 +21,7 @@ from acquisition.events import Event, ReadingStored
 from acquisition.journal import Journal
 from acquisition.pipeline import Pipeline
 from acquisition.readings import Reading
+from acquisition.time_left import TimeLeft
 from drivers.clock import Deadline
 from drivers.wire.link import Link
 from goniometer import assembly
@@ -82,11 +83,11 @@ def scanned(name: str, faults: Sequence[dict[str, Any]], seed: int) -> Outcome:
             duration_s = sum(step.duration_s for step in plan(scan.recipe, scan.rig))
             try:
                 with assembly.connected(scan.rig, scan.ports(bench), clock, 550.0) as devices:
-                    engine = Engine(devices, clock, journal, pipeline.publish, check, duration_s)
+                    engine = Engine(devices, clock, journal, pipeline.publish, check, TimeLeft(clock, duration_s))
                     with stopped_afterwards(devices, clock):
                         engine.home()
                         while steps := way.next(pipeline.points):
-                            engine.run(steps)
+                            engine.run(steps, way.ahead)
                             pipeline.end_point()
             except (Exception, Hang) as error:  # noqa: BLE001 (judged afterwards)
                 outcome.error = error

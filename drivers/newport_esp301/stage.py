@@ -131,6 +131,7 @@ class Esp301Stage:
         self._under_way = ""
         self._is_stopped = False
         self._model = ""
+        self.stood_s = 0.0
 
     def connect(self) -> tuple[str, ...]:
         """Check the stage and its unit, set velocity and acceleration, switch the motor on; moves nothing.
@@ -186,13 +187,14 @@ class Esp301Stage:
     def start_move(self, target_deg: float) -> None:
         """Begin to move to `target_deg`; raises DeviceFaultError when the controller refuses."""
         self._under_way, self._is_stopped = f"the move of {self.name} to {target_deg:g} degrees", False
-        self._send(f"PA{target_deg:.6f}")
+        self._send("PA" + f"{target_deg:.6f}".rstrip("0").rstrip("."))
         self._controller.raise_errors(self._under_way)
 
     def is_moving(self) -> bool:
         """Ask whether the motion goes on; raises DeviceFaultError when it has failed or the motor has lost power."""
         if not self._query("MD?", switch):
             return True
+        self.stood_s = self._controller.clock.now()
         not_done, self._under_way = self._under_way, ""
         self._controller.raise_errors(
             not_done or "what was to follow", aborted=self._number if self._is_stopped else None

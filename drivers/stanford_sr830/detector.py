@@ -122,6 +122,10 @@ class StanfordSr830:
         self._exposure_s = exposure_s
         self._settle()
 
+    def is_exposing(self) -> bool:
+        """Whether light is still collected, which is as long as the reading is taken."""
+        return self.is_reading()
+
     def is_reading(self) -> bool:
         """Whether the reading is still being taken; raises ReplyTimeoutError when the lock-in does not answer."""
         if self._doing is _Doing.NOTHING:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 from drivers.motion import stop_or_warn
 from drivers.thorlabs_elliptec.bus import ElliptecBus
 from drivers.thorlabs_elliptec.module import ElliptecModule
@@ -113,6 +115,10 @@ class ElliptecSlider:
                 to_do="check that nobody moved the slider by its buttons and that it moves freely",
             )
         return self._start_step(reached)
+
+    def remaining_s(self) -> float:
+        """Infinite: the slider's steps differ in length."""
+        return math.inf
 
     def slot(self) -> int | None:
         """Which slot the slider says is in the beam, or None, also on its way; waits until the bus is free."""

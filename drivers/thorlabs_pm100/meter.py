@@ -25,6 +25,7 @@ _MOST_ERRORS = 32
 _MOST_SAMPLES = 3000
 _FACTORY_AVERAGE = 1
 _MOST_ATTEMPTS = 3
+_ROUNDING = 1 - 1e-9
 
 
 class ThorlabsPm100:
@@ -67,6 +68,7 @@ class ThorlabsPm100:
         self._attempts = 0
         self._deadline = Deadline(clock, 0.0)
         self._reading_w: float | None = None
+        self._exposed_s = 0.0
         self._wavelength_nm: float | None = None
         link.on_reopen(self._forget)
 
@@ -149,6 +151,12 @@ class ThorlabsPm100:
         self._attempts = 0
         self._begin_reading()
 
+    def is_exposing(self) -> bool:
+        """Whether light is still collected: the exposure goes on, or no answer has come that is still awaited."""
+        if self._reading_w is not None or self._clock.now() < self._exposed_s:
+            return self._reading_w is None
+        return not self._dialogue.is_answered() and not self._deadline.has_passed()
+
     def is_reading(self) -> bool:
         """Whether the reading is still to come; one whose answer was lost, or is in doubt, is taken again, twice.
 
@@ -213,6 +221,7 @@ class ThorlabsPm100:
     def _begin_reading(self) -> None:
         self._attempts += 1
         self._reading_w = None
+        self._exposed_s = self._clock.now() + self.actual_exposure_s * _ROUNDING
         self._link.until_answered(lambda: self._dialogue.ask(_READING))
         self._deadline = Deadline(self._clock, 2 * self.actual_exposure_s + 2.0)
 

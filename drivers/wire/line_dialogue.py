@@ -78,6 +78,10 @@ class LineDialogue:
         self._in_step = False
         self.tell(question)
 
+    def is_answered(self) -> bool:
+        """Whether `poll` will find a line; never waits."""
+        return self._link.has_frame(self._answer_end)
+
     def poll(self, read: Callable[[str], T]) -> T | None:
         """Return what `read` makes of the answer if it has come, else None; never waits."""
         frame = self._link.poll_until(self._answer_end)

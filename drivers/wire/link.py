@@ -147,6 +147,11 @@ class Link:
         self._looked_s = time.monotonic()
         return bool(self._received)
 
+    def has_frame(self, terminator: bytes) -> bool:
+        """Whether a whole frame has come that was not read; never waits, and reads none."""
+        self._received += self._receive(0.0)
+        return terminator in self._received
+
     def discard_input(self, quiet_s: float = 0.0) -> None:
         """Throw away all that has come, until nothing comes for `quiet_s` real seconds.
 

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
+from acquisition.expand import Step
 from acquisition.expected_noise import expected_points, light_of
 from acquisition.fit_points import dataset, surface_family
 from acquisition.recipe import Recipe
@@ -77,21 +78,28 @@ def forecast(recipe: Recipe, rig: Rig, sample: AssumedSample) -> Forecast:
     """
     steps = plan(recipe, rig)
     family = surface_family(recipe.fit, rig.calibration.acceptance_sr)
-    told = np.cumsum(told_by_points(recipe, rig, sample.values, sample.dark_w), axis=0) + prior_information(family)
+    of_points = told_by_points(recipe, rig, sample.values, sample.dark_w)
+    ends_s = _ends_s(steps)
+    told = np.cumsum(of_points[np.argsort(ends_s)], axis=0) + prior_information(family)
     names = tuple(map(shown, family.names))
     units = np.array([in_shown_unit(name) for name in family.names])
     stderr = np.array([standard_errors(so_far) for so_far in told])
     blind = tuple(name for name, error in zip(names, stderr[-1], strict=True) if np.isinf(error))
-    ends_s = dict(
-        zip((step.point for step in steps), itertools.accumulate(step.duration_s for step in steps), strict=True)
-    )
     return Forecast(
         names=names,
-        ends_s=np.array(list(ends_s.values())),
+        ends_s=np.sort(ends_s),
         stderr=np.where(stderr > _widths(family), np.inf, stderr) * units,
         readings=sum(step.readings for step in steps),
         blind=blind,
     )
+
+
+def _ends_s(steps: Sequence[Step]) -> FloatArray:
+    """When the last reading of each direction is taken, in the order of their numbers; sweeps go forth and back."""
+    ends_s = dict(
+        zip((step.point for step in steps), itertools.accumulate(step.duration_s for step in steps), strict=True)
+    )
+    return np.array([end_s for _, end_s in sorted(ends_s.items())])
 
 
 def told_by_points(recipe: Recipe, rig: Rig, values: Mapping[str, float], dark_w: float) -> FloatArray:

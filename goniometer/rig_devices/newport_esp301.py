@@ -42,7 +42,7 @@ class NewportEsp301Entry(AxesEntry):
         return self
 
     exchange_s = 0.008
-    start_s = 0.026
+    start_s = 0.001
 
     def connect(self, name: str, bench: Connecting) -> None:
         """Connect the controller, then each of its stages."""

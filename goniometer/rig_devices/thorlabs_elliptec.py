@@ -61,8 +61,8 @@ class ThorlabsElliptecEntry(AxesEntry):
     axes: dict[Role, ThorlabsElliptecAxis] = Field(min_length=1, max_length=1, description="what it turns, by role")
 
     exchange_s = _EXCHANGE_S
-    # besides the pause: whether it is homed before and after, where it is, the move's own packets, and its own settling
-    start_s = _PAUSE_S + 4 * _EXCHANGE_S + 0.08
+    # besides the pause: whether it is homed before and after, the move's own packets, and its own settling
+    start_s = _PAUSE_S + 2 * _EXCHANGE_S + 0.08
 
     @property
     def place(self) -> str | None:

@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable
 from typing import NamedTuple
 
-from sim_devices.device import Replies
+from sim_devices.device import Due, Later
 from sim_devices.effects import SAMPLE_S
 from sim_devices.light import Light
 from sim_devices.serving.lines import LineSplitter
@@ -15,6 +15,7 @@ from sim_devices.thorlabs_pm100.photodiode_head import OVER_RANGE, RANGES_W, Pho
 from sim_devices.thorlabs_pm100.scpi_numbers import number, parse, parse_switch, tell
 
 _LATENCY_S = 0.002
+_SOON_S = 0.02
 _IDENTITY = "THORLABS,PM100D,P0012345,2.8.0"
 _SENSOR = "S120C,12061234,07-May-2024,1,18,33"
 _NOT_A_NUMBER = 9.91e37
@@ -114,12 +115,12 @@ class ThorlabsPm100:
         self._errors.clear()
         self._events, self._free_s = _POWER_ON, now_s
 
-    def execute(self, line: str, arrival_s: float) -> Replies:
+    def execute(self, line: str, arrival_s: float) -> list[Due]:
         """Run the commands of one line as soon as the meter is free; their answers share one line."""
         if len(line) > _LONGEST_LINE:
             self._refuse(scpi.ScpiError(-363))
             return []
-        answers = []
+        answers, asked_s = [], max(arrival_s, self._free_s)
         for header, arguments in scpi.commands(line):
             now_s = max(arrival_s, self._free_s)
             self._free_s = now_s + _LATENCY_S
@@ -130,7 +131,13 @@ class ThorlabsPm100:
                 continue
             if answer is not None:
                 answers.append(answer)
-        return [(self._free_s, (";".join(answers) + "\n").encode("ascii"))] if answers else []
+        if not answers:
+            return []
+        line_out = (";".join(answers) + "\n").encode("ascii")
+        # nobody waits for the end of an exposure alone: virtual time must not hurry there while clients speak to others
+        is_late = self._free_s - asked_s > _SOON_S
+        said: bytes | Later = (lambda due_s: [(due_s, line_out)]) if is_late else line_out
+        return [(self._free_s, said)]
 
     def _refuse(self, error: scpi.ScpiError) -> None:
         self._errors.add(error.number)
@@ -226,6 +233,6 @@ class _Session:
         self._meter = meter
         self._lines = LineSplitter(b"\n", limit=_LONGEST_LINE + 1)
 
-    def receive(self, data: bytes, now_s: float) -> Replies:
+    def receive(self, data: bytes, now_s: float) -> list[Due]:
         """Run every line that is complete."""
         return [reply for line in self._lines.feed(data) for reply in self._meter.execute(line, now_s)]

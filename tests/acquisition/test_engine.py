@@ -1,5 +1,6 @@
 """What the engine refuses, and that every way out of a scan stops every device."""
 
+import math
 from dataclasses import dataclass, field, replace
 
 import pytest
@@ -8,6 +9,7 @@ from acquisition.engine import Bench, Engine, stopped_afterwards
 from acquisition.events import LinkRestored, ReadingStored
 from acquisition.expand import Step, Target
 from acquisition.journal import Journal
+from acquisition.time_left import TimeLeft
 from goniometer.errors import (
     DeviceFaultError,
     NotConnectedError,
@@ -109,6 +111,13 @@ class Device:
         if not self.is_linked:
             raise self.unlinked(self.name, "the cable is out", not_done="nothing", to_do="plug it in")
 
+    def remaining_s(self):
+        return self.arrival_s - self.clock.now()
+
+    @property
+    def rested_s(self):
+        return self.arrival_s
+
     def start_reading(self, exposure_s):
         self._require_link()
         self.arrival_s = self.clock.now() + exposure_s
@@ -116,6 +125,8 @@ class Device:
     def is_reading(self):
         self._require_link()
         return self.clock.now() < self.arrival_s
+
+    is_exposing = is_reading
 
     def power_w(self):
         return 1e-9
@@ -151,7 +162,7 @@ def moving(bench):
 
 
 def engine(bench, clock, journal, publish=lambda event: None, check=lambda: None):
-    return Engine(bench, clock, journal, publish, check, duration_s=60.0)
+    return Engine(bench, clock, journal, publish, check, TimeLeft(clock, 60.0))
 
 
 def test_all_moves_of_a_step_overlap(bench, clock, journal):
@@ -198,6 +209,7 @@ def test_an_axis_that_is_not_where_it_was_left_is_not_moved(bench, clock, journa
     running = engine(bench, clock, journal)
     running.run([step()])
     left_deg, axis.place = axis.place, 0.0
+    clock.sleep(0.2)
     with pytest.raises(PositionError, match=f"{axis.name}: stands at 0 degrees although it was left at {left_deg:g}"):
         running.run([step(point=1, exit_deg=6.0)])
     assert axis.place == 0.0
@@ -498,3 +510,121 @@ def test_an_axis_without_its_zero_ends_the_scan_though_it_seems_to_stand_where_i
     with pytest.raises(DeviceFaultError, match=f"{role}: the stage does not know .*goniometer home --axis {role}"):
         engine(bench, clock, journal).home()
     engine(replace(bench, to_home=(getattr(bench, role),)), clock, journal).home()
+
+
+@dataclass
+class Doubtful(Device):
+    """A detector that reads where the arm stands, nothing while it moves, and takes what it doubts again by itself."""
+
+    arm: Device | None = None
+    doubts: int = 0
+    seen_deg: float = 0.0
+
+    def start_reading(self, exposure_s):
+        super().start_reading(exposure_s)
+        self.seen_deg = self.arm.place if self.arm.arrival_s <= self.clock.now() else math.nan
+
+    def is_exposing(self):
+        return self.clock.now() < self.arrival_s
+
+    def is_reading(self):
+        if self.clock.now() >= self.arrival_s and self.doubts:
+            self.doubts -= 1
+            self.start_reading(0.03)
+        return self.is_exposing()
+
+    def power_w(self):
+        return self.seen_deg
+
+
+TWO = [step(readings=1), step(point=1, exit_deg=6.0, readings=1)]
+
+
+def test_the_bench_leaves_with_the_last_light_and_the_reading_is_stored_on_the_way(bench, clock, journal):
+    sent = []
+
+    def note(event):
+        if isinstance(event, ReadingStored):
+            sent.append(bench.detector_arm.sent[-1])
+
+    engine(bench, clock, journal, note).run(TWO)
+    first, second = journal.readings()
+    assert sent[0] == 6.0, "the arm is on its way when the reading is stored"
+    assert 1.28 <= second.time_s - first.time_s < 1.31, "exposure, move and settling, and no more"
+    assert (first.exit_deg, second.exit_deg) == (5.0, 6.0)
+
+
+def test_the_bench_leaves_for_what_lies_ahead_of_the_steps(bench, clock, journal):
+    engine(bench, clock, journal).run(TWO[:1], ahead=TWO[1].target)
+    assert bench.detector_arm.sent == [5.0, 6.0]
+    assert len(journal.readings()) == 1
+
+
+@pytest.mark.parametrize("doubts", range(5))
+def test_a_reading_in_doubt_is_taken_anew_where_it_belongs_though_the_bench_had_left(bench, clock, journal, doubts):
+    bench = replace(bench, detector=Doubtful("meter", clock, arm=bench.detector_arm, doubts=doubts))
+    engine(bench, clock, journal).run([*TWO, step(point=2, exit_deg=7.0, readings=3)])
+    assert [one.power_w for one in journal.readings()] == [one.exit_deg for one in journal.readings()]
+    assert [(one.point, one.repeat) for one in journal.readings()] == [(0, 0), (1, 0), (2, 0), (2, 1), (2, 2)]
+    assert bench.detector.doubts == 0
+
+
+def test_a_move_that_is_refused_costs_no_reading_that_has_its_light(bench, clock, journal):
+    refused = DeviceFaultError("detector arm", "it has an alarm", not_done="the move", to_do="reset it")
+
+    def start_move(target_deg):
+        if target_deg == 6.0:
+            raise refused
+        Device.start_move(bench.detector_arm, target_deg)
+
+    bench.detector_arm.start_move = start_move
+    with pytest.raises(DeviceFaultError, match="it has an alarm"):
+        engine(bench, clock, journal).run(TWO)
+    assert [one.point for one in journal.readings()] == [0]
+
+
+def test_settling_counts_from_when_a_device_stood_not_from_when_it_was_asked(bench, clock, journal):
+    """The arm is slow to answer: what it takes to say that all is well has gone into the settling already."""
+
+    class SlowToSay(Device):
+        def is_moving(self):
+            is_moving = super().is_moving()
+            clock.sleep(0.0 if is_moving else 0.2)
+            return is_moving
+
+    bench = replace(bench, detector_arm=SlowToSay("detector arm", clock))
+    engine(bench, clock, journal).run(TWO[:1])
+    (reading,) = journal.readings()
+    assert 1.25 <= reading.time_s < 1.25 + 0.01
+
+
+def test_positions_are_asked_for_while_light_is_collected(bench, clock, journal):
+    asked_s = []
+
+    class Asked(Device):
+        def position_deg(self):
+            asked_s.append(clock.now())
+            return super().position_deg()
+
+    bench = replace(bench, detector_arm=Asked("detector arm", clock))
+    engine(bench, clock, journal).run([replace(step(readings=1), exposure_s=1.0)])
+    (reading,) = journal.readings()
+    assert any(reading.time_s + 0.9 < moment_s < reading.time_s + 1.0 for moment_s in asked_s)
+
+
+def test_axes_are_asked_once_more_before_they_move_when_the_light_took_long(bench, clock, journal):
+    """As with a lock-in, whose filter settles first: what was seen during the exposure is old by then."""
+
+    class Late(Device):
+        def is_exposing(self):
+            is_exposing = clock.now() < self.arrival_s + 1.0
+            if clock.now() > self.arrival_s + 0.5:
+                bench.source_arm.place = 0.0
+            return is_exposing
+
+        is_reading = is_exposing
+
+    bench = replace(bench, detector=Late("meter", clock))
+    with pytest.raises(PositionError, match="source: stands at 0 degrees although it was left at 60 degrees"):
+        engine(bench, clock, journal).run(TWO)
+    assert bench.detector_arm.sent == [5.0]

@@ -117,3 +117,20 @@ def test_a_scan_that_ends_in_a_dark_first_reference_still_ends():
     with pytest.raises(ReductionError, match="first reference reading shows no light"):
         scan.pipeline.end_point()
     assert scan.end() == []
+
+
+def test_directions_are_reduced_as_they_are_completed_wherever_they_began():
+    """Swept: three directions in each slot, forth and back, and a reference before, whose dark reading comes last."""
+    scan = Scan()
+    scan._point = 0
+    scan.reference(1.0)
+    levels = {0: 1.0, 1: 0.5, 2: 0.25}
+    sweeps = [(0.0, (0, 1, 2)), (60.0, (2, 1, 0)), (120.0, (0, 1, 2)), (None, (2, 1, 0))]
+    for analyzer_deg, points in sweeps:
+        for scan._point in points:
+            power_w = SCALE_W * levels[scan._point] / 2 if analyzer_deg is not None else 0.0
+            scan._read("signal" if analyzer_deg is not None else "dark", DARK_W + power_w, analyzer_deg)
+            if analyzer_deg is None:
+                scan.pipeline.end_point()
+    assert [point.point for point in scan.pipeline.points] == [2, 1, 0]
+    assert scan.s0 == pytest.approx([0.25, 0.5, 1.0])

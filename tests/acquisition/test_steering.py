@@ -17,7 +17,7 @@ from acquisition.recipe import Recipe
 from acquisition.reduce import NoiseModel, Radiometry
 from acquisition.stays import Prospect, plan, time_needed_s
 from acquisition.steering import Steering
-from acquisition.timing import AxisTiming, BenchTiming, WheelTiming
+from acquisition.timing import READING_S, AxisTiming, BenchTiming, WheelTiming
 from acquisition.wanted import judge
 from model.design.design import Criterion
 from model.design.information import information, standard_errors
@@ -292,7 +292,7 @@ def test_stays_keep_to_their_limits():
     for (exit_deg, readings), begun_s in zip(bench.visits[4:], bench.begun_s[4:], strict=True):
         assert exit_deg in range(61)
         assert 5 <= readings <= 1000
-        assert readings == 5 or readings * 5 * 0.035 <= 2.0 * begun_s
+        assert readings == 5 or readings * 5 * (0.03 + READING_S) <= 2.0 * begun_s
     assert 190.0 < bench.now() <= 200.0
     visited = [exit_deg for exit_deg, _ in bench.visits]
     assert len(set(visited)) < len(visited), "a direction that tells much is measured again"

@@ -96,7 +96,7 @@ def test_refused_velocity_and_motor_that_stays_off_are_faults(arm):
 def test_move_sends_the_target_and_asks_for_errors(arm):
     peer, _, axis = arm(**{"1MD": [b"0\r\n", b"0\r\n", b"1\r\n"]})
     axis.start_move(60)
-    assert peer.commands == [b"1TP?", b"1PA60.000000", b"TB?"]
+    assert peer.commands == [b"1TP?", b"1PA60", b"TB?"]
     assert [axis.is_moving(), axis.is_moving(), axis.is_moving()] == [True, True, False]
     assert peer.commands[3:] == [b"1MD?", b"1MD?", b"1MD?", b"TB?", b"1MO?"]
 
@@ -150,7 +150,7 @@ def test_target_outside_the_limits_is_refused_before_the_first_byte(arm, target_
 def test_the_limits_themselves_are_allowed(arm, target_deg):
     peer, _, axis = arm()
     axis.start_move(target_deg)
-    assert b"1PA%.6f" % target_deg in peer.commands
+    assert b"1PA%d" % target_deg in peer.commands
 
 
 @pytest.mark.parametrize(

@@ -118,6 +118,32 @@ def test_reading(meter, until):
     assert peer.commands == [b"SENS:AVER 10", *READING]
 
 
+def test_light_is_collected_for_the_exposure_and_until_an_answer_has_come(meter, clock, until):
+    """Bytes that come before the exposure is over are no answer to it; confirmed it is afterwards."""
+    peer, meter = meter()
+    meter.start_reading(0.03)
+    until(lambda: b"MEAS:POW?" in peer.commands)
+    assert meter.is_exposing()
+    clock.sleep(0.029)
+    assert meter.is_exposing()
+    clock.sleep(0.001)
+    until(lambda: not meter.is_exposing())
+    assert peer.commands == [b"SENS:AVER 10", b"MEAS:POW?"]
+    assert not meter.is_reading()
+    assert not meter.is_exposing()
+    assert peer.commands == [b"SENS:AVER 10", *READING]
+
+
+@pytest.mark.usefixtures("no_real_grace")
+def test_an_answer_that_does_not_come_is_no_light(meter, clock, until):
+    _, meter = meter(changes={b"MEAS:POW?": b""})
+    meter.start_reading(0.03)
+    clock.sleep(2.0)
+    assert meter.is_exposing()
+    clock.sleep(0.1)
+    assert not meter.is_exposing()
+
+
 def test_averaging_is_sent_only_when_it_changes(meter, until):
     peer, meter = meter()
     for _ in range(3):

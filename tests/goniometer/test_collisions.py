@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, ExitStack, contextmanager
 from pathlib import Path
@@ -21,7 +22,7 @@ from goniometer.bench_commands.align import align
 from goniometer.bench_commands.home import home
 from goniometer.bench_commands.move import move
 from goniometer.bench_commands.read import read
-from goniometer.collision_zones import first_blocked
+from goniometer.collision_zones import blocked_ways
 from goniometer.errors import CollisionError, ConfigurationError, DeviceFaultError, LimitError
 from goniometer.load_files import load_recipe, load_rig, load_scene
 from goniometer.rig_file import Rig
@@ -278,10 +279,11 @@ def runs_through(rig: Rig, steps: tuple[Step, ...]) -> bool:
     first = steps[0].target
     start_deg = {"source_arm": first.incidence_deg + 0.02, "detector_arm": first.exit_deg + 0.02}
     with bench_of(rig, Scene.model_validate(SCENE | {"start_deg": start_deg})) as (simulated, bench):
-        placement = Placement(bench, simulated.clock.sleep)
+        placement = Placement(bench, simulated.clock, simulated.clock.sleep)
         try:
             for step in steps:
                 placement.arrive(step.target)
+                placement.read_back(anew=True)
         except CollisionError:
             return False
         return True
@@ -293,7 +295,7 @@ def test_a_scan_is_found_free_exactly_when_it_runs_without_a_collision() -> None
     for _ in range(60):
         rig, steps = a_scan(rng)
         travels = {role: axis.travel for role, axis in rig.axes().items()}
-        is_free = first_blocked(steps, rig.zones, travels) is None
+        is_free = not list(blocked_ways(steps, rig.zones, travels))
         found[is_free] += 1
         assert runs_through(rig, steps) == is_free
     assert min(found.values()) > 15
@@ -309,7 +311,28 @@ def test_a_scan_that_stops_at_the_very_edge_of_a_zone_is_refused_beforehand() ->
         return tuple(Step(n, "signal", target, 0.0, 1, 0.1, 1.0) for n, target in enumerate(targets))
 
     at_once = scan_from(-45.0)
-    assert first_blocked(at_once, rig.zones, travels) == (at_once[0].target, at_once[0].target)
+    assert next(blocked_ways(at_once, rig.zones, travels)) == (at_once[0].target, at_once[0].target)
     later = scan_from(-44.98) + scan_from(-45.0)
-    assert first_blocked(later, rig.zones, travels) == (later[1].target, later[2].target)
-    assert first_blocked(scan_from(-44.98), rig.zones, travels) is None
+    assert list(blocked_ways(later, rig.zones, travels)) == [(later[1].target, later[2].target)]
+    assert not list(blocked_ways(scan_from(-44.98), rig.zones, travels))
+
+
+def test_every_way_of_a_scan_that_is_blocked_is_found_whatever_lies_between() -> None:
+    """Once each, where sweeps take them forth and back; stretches are looked at as a whole only where all is free."""
+    rng = np.random.default_rng(12)
+    found = 0
+    for _ in range(40):
+        rig, steps = a_scan(rng)
+        there_and_back = (*steps, *steps[::-1], *steps)
+        each: set[frozenset[Target]] = set()
+        for number, (one, other) in enumerate(itertools.pairwise([steps[0], *there_and_back])):
+            travels = {role: axis.travel for role, axis in rig.axes().items()}
+            alone = (one, other) if number else (other,)
+            ways = list(blocked_ways(alone, rig.zones, travels))
+            is_way = number == 0 or one.target != other.target
+            each |= {frozenset(way) for way in ways if is_way and way == (one.target, other.target)}
+        ways = list(blocked_ways(there_and_back, rig.zones, travels))
+        assert {frozenset(way) for way in ways} == each
+        assert len(ways) == len(each)
+        found += len(each)
+    assert found > 40

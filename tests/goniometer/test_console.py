@@ -257,7 +257,7 @@ def test_time_left_is_real_time_also_when_the_bench_runs_faster() -> None:
     scan(ScanStarted("runs/iron", "iron", 2, 10, 120.0, {}))
     scan(StepStarted(0, 60.0, 0.0, 0.0, 2, 0, 120.0))
     assert scan.real_left_s() is None
-    scan(StepStarted(1, 60.0, 1.0, 0.0, 2, 5, 90.0))
+    scan(StepStarted(1, 60.0, 1.0, 0.0, 2, 5, 90.0, 30.0))
     assert scan.bench_speed() == pytest.approx(10.0)
     assert scan.real_left_s() == pytest.approx(9.0)
     assert scan.real_left_s() == pytest.approx(8.0)

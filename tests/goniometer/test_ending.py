@@ -130,7 +130,7 @@ def test_kill_9_at_a_hundred_moments(tmp_path, seed):
 
 def kill_at_any_moment(tmp_path, seed):
     rng = random.Random(seed)
-    process, lines = run_until(tmp_path, rng.randrange(60, 800), "--speed", "max")
+    process, lines = run_until(tmp_path, rng.randrange(460, 800), "--speed", "max")
     with ended_afterwards(process):
         deadline = time.monotonic() + rng.uniform(0.0, 0.01)
         while time.monotonic() < deadline:

@@ -14,6 +14,7 @@ from acquisition.events import LinkRestored, ReadingStored
 from acquisition.expand import Step, Target
 from acquisition.journal import Journal
 from acquisition.readings import Reading
+from acquisition.time_left import TimeLeft
 from drivers.wire.link import Link
 from goniometer.assembly import connected
 from goniometer.bench import simulate
@@ -162,7 +163,7 @@ def scan(load, tmp_path):
                 if begun_s is not None:
                     act(bench, bench.clock.now() - begun_s)
 
-            engine = Engine(devices, bench.clock, journal, events.append, check, 60.0)
+            engine = Engine(devices, bench.clock, journal, events.append, check, TimeLeft(bench.clock, 60.0))
             try:
                 with stopped_afterwards(devices, bench.clock):
                     engine.home()

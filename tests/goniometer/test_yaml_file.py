@@ -198,3 +198,18 @@ def test_a_missing_file_a_folder_and_a_huge_file_are_refused_by_name(tmp_path: P
         (None, "is larger than 1000000 bytes, which no file of this kind is")
     ]
     assert missing.data is folder.data is None
+
+
+def test_a_long_file_is_read_as_a_short_one_is(read) -> None:
+    """It is read by another loader: what it holds, its lines and its faults are the same."""
+    long = "# " + "-" * 30_000 + "\n"
+    for content in (
+        "a: 1\nb: [1, 2.5, on,\n  'x']\nc: {d: ~, e: [1, {f: 2}]}\n",
+        "a: &x 1\nb: *x\nc: !!int 3\na: 2\n",
+        "a: [1, 2\nb: 3\n",
+        "a: 1\n---\nb: 2\n",
+        "a: " + "[" * 30 + "]" * 30 + "\n",
+    ):
+        short, other = read("# -\n" + content), read(long + content)
+        assert (other.data, other.lines, faults(other)) == (short.data, short.lines, faults(short))
+        assert other.unread == short.unread

@@ -1,0 +1,51 @@
+"""How long the bench takes from one place to another."""
+
+from __future__ import annotations
+
+from acquisition.steps import Target
+from acquisition.timing import CONFIRM_S, BenchTiming
+
+
+class Moving:
+    """How long the bench takes from one place to another, until a reading can begin.
+
+    Parameters
+    ----------
+    timing : BenchTiming
+        Speeds of the rig. But for axes that could touch and so wait for each other, only the differences of angles
+        count, and the same ones come again and again.
+    """
+
+    def __init__(self, timing: BenchTiming) -> None:
+        self._timing = timing
+        self._known_s: dict[tuple[float, ...], float] = {}
+
+    def __call__(self, here: Target, there: Target) -> float:
+        """Duration of the way, settling and questions included."""
+        incidence_deg, azimuth_deg = there.incidence_deg - here.incidence_deg, there.azimuth_deg - here.azimuth_deg
+        if self._timing.zones and (incidence_deg or azimuth_deg):
+            return _moving_s(here, there, self._timing)
+        exit_deg = round(there.exit_deg - here.exit_deg, 9)
+        key = (incidence_deg, exit_deg, azimuth_deg, here.slot, there.slot)
+        known_s = self._known_s.get(key)
+        if known_s is None:
+            known_s = self._known_s[key] = _moving_s(here, there, self._timing)
+        return known_s
+
+
+def _moving_s(here: Target, there: Target, timing: BenchTiming) -> float:
+    ways = (
+        (timing.source_arm, there.incidence_deg - here.incidence_deg),
+        (timing.detector_arm, there.exit_deg - here.exit_deg),
+        (timing.sample_azimuth, there.azimuth_deg - here.azimuth_deg),
+    )
+    going = [axis for axis, way in ways if way]
+    settles_s = [axis.settle_s for axis in going]
+    moving_s = timing.axes_s(here.axes_deg, there.axes_deg) + sum(axis.start_s + axis.exchange_s for axis in going)
+    if here.slot != there.slot:
+        analyzer = timing.analyzer
+        moving_s = max(moving_s, analyzer.move_s(here.slot, there.slot) + analyzer.exchange_s)
+        settles_s.append(analyzer.settle_s)
+    if going:
+        moving_s -= CONFIRM_S
+    return moving_s + max(settles_s, default=0.0)

@@ -1,0 +1,169 @@
+"""Takes the readings of a step, and lets nothing wait that need not.
+
+While light is collected, the axes are asked where they stand, and the reading before is confirmed and stored. The bench
+leaves as soon as the last reading of a step has all its light; that one is confirmed and stored on the way.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+from acquisition.events import Event, ReadingStored
+from acquisition.expand import Step, Target
+from acquisition.journal import Journal
+from acquisition.placement import Placement
+from acquisition.readings import Reading
+from acquisition.timing import DUE_POLL_S, READING_POLL_S
+from drivers.clock import Clock
+from goniometer.errors import DeviceError
+
+if TYPE_CHECKING:
+    from acquisition.engine import Bench
+
+_LOOK_S = 0.06
+"""How long before the end of an exposure the axes are asked where they are, so that it still holds behind it."""
+
+_INSTANT_S = 1e-6
+"""So short that it may be lost in the rounding of a clock, which then stands still."""
+
+_OVERDUE_S = 0.02
+"""How long after its exposure a reading is asked for in quick succession."""
+
+
+class Readout:
+    """Takes, confirms and stores readings.
+
+    Parameters
+    ----------
+    bench : Bench
+        The devices.
+    clock : Clock
+        The bench's clock.
+    journal : Journal
+        Where each reading is stored before anybody hears of it.
+    publish : callable
+        Called with each reading that is stored.
+    placement : Placement
+        Brings the bench where a step wants it.
+    wait : callable
+        Lets time pass; raises to end the scan.
+
+    Attributes
+    ----------
+    readings_taken : int
+        How many readings are stored.
+    """
+
+    def __init__(
+        self,
+        bench: Bench,
+        clock: Clock,
+        journal: Journal,
+        publish: Callable[[Event], None],
+        placement: Placement,
+        wait: Callable[[float], None],
+    ) -> None:
+        self._detector, self._clock, self._journal = bench.detector, clock, journal
+        self._publish, self._placement, self._wait = publish, placement, wait
+        self.readings_taken = 0
+
+    def take(self, step: Step, before: int, after: Target | None) -> None:
+        """Take the readings that a step still wants, where it wants them.
+
+        Returns without the last one when that was in doubt after the bench had left.
+
+        Parameters
+        ----------
+        step : Step
+            What is wanted.
+        before : int
+            How many readings were stored before the step.
+        after : Target or None
+            Where to leave for as soon as the last one has its light; None: nowhere.
+
+        Raises
+        ------
+        DeviceError
+            When a device fails; the readings stored so far are safe.
+        ScanInterrupted
+            When waiting says so.
+        """
+        if self.readings_taken - before == step.readings:
+            return  # the link was lost behind the last reading
+        self._placement.arrive(step.target)
+        taken: Reading | None = None
+        for repeat in range(self.readings_taken - before, step.readings):
+            time_s = self._clock.now()
+            self._detector.start_reading(step.exposure_s)
+            if taken is not None:
+                self._keep(taken)
+            is_last = repeat == step.readings - 1
+            angles_deg = self._expose(time_s, step.exposure_s, anew=is_last)
+            leaves = after is not None and is_last
+            failure = self._departure(after) if leaves and after is not None else None
+            if self._is_taken_again() and leaves:
+                return
+            taken = _reading(step, repeat, time_s, angles_deg, self._detector.power_w())
+            if failure is not None:
+                self._keep(taken)
+                raise failure
+        if taken is not None:
+            self._keep(taken)
+
+    def _expose(self, begun_s: float, exposure_s: float, *, anew: bool) -> tuple[float, ...]:
+        """Wait until a reading has its light; returns where the axes are meanwhile, or were a moment before."""
+        detector, angles_deg = self._detector, None
+        left_s = exposure_s
+        while angles_deg is None or detector.is_exposing():
+            if angles_deg is None and left_s <= _LOOK_S:
+                angles_deg = self._placement.read_back(anew=anew)
+            elif left_s > _INSTANT_S:
+                self._wait(min(left_s, READING_POLL_S))
+            else:
+                self._wait(DUE_POLL_S if left_s > -_OVERDUE_S else READING_POLL_S)
+            left_s = begun_s + exposure_s - self._clock.now()
+        return angles_deg
+
+    def _departure(self, target: Target) -> DeviceError | None:
+        """Leave for a target; returns what went wrong, for the reading that has its light is to be stored first."""
+        self._wait(0.0)  # nothing is set in motion that was to be stopped
+        try:
+            self._placement.depart(target)
+        except DeviceError as failure:
+            return failure
+        return None
+
+    def _is_taken_again(self) -> bool:
+        """Wait for the reading to be confirmed; True when the detector had to take it again."""
+        is_again = False
+        while self._detector.is_reading():
+            is_again = True
+            self._wait(READING_POLL_S)
+        return is_again
+
+    def _keep(self, reading: Reading) -> None:
+        """Store a reading and tell of it, unless the analyzer has left its slot."""
+        self._placement.require_slot(reading.slot)
+        self._journal.append(reading)
+        self.readings_taken += 1
+        self._publish(ReadingStored(reading))
+
+
+def _reading(step: Step, repeat: int, time_s: float, angles_deg: tuple[float, ...], power_w: float) -> Reading:
+    incidence_deg, exit_deg, azimuth_deg = angles_deg
+    return Reading(
+        point=step.point,
+        kind=step.kind,
+        repeat=repeat,
+        time_s=time_s,
+        incidence_deg=incidence_deg,
+        exit_deg=exit_deg,
+        azimuth_deg=azimuth_deg,
+        slot=step.target.slot,
+        analyzer_deg=step.analyzer_deg,
+        exposure_s=step.exposure_s,
+        power_w=power_w,
+        retarder_deg=step.retarder_deg,
+        retardance_deg=step.retardance_deg,
+    )

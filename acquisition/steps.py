@@ -1,0 +1,80 @@
+"""What a scan is made of: places of the bench, and the readings taken there."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from acquisition.analyzer_matrix import AnalyzerState
+from acquisition.readings import ReadingKind
+
+
+@dataclass(frozen=True)
+class Slots:
+    """Which analyzer slot holds what.
+
+    `polarizers` are slots by the angle that a recipe names; `retarded` are those with a retarder, by number, with
+    the angles that a recipe names. Beside them there are the blocked and the open slot.
+    """
+
+    polarizers: Mapping[float, int]
+    offset_deg: float
+    blocked: int | None
+    open: int | None
+    retarded: Mapping[int, AnalyzerState] = field(default_factory=dict)
+
+    def signal(self, polarizer_deg: float, retarder_deg: float | None) -> tuple[int, AnalyzerState]:
+        """The slot with these angles, and the analyzer's state there, from the s-direction."""
+        if retarder_deg is None:
+            return self.polarizers[polarizer_deg], AnalyzerState(polarizer_deg + self.offset_deg)
+        named = (polarizer_deg, retarder_deg)
+        slot, state = next(
+            (slot, state) for slot, state in self.retarded.items() if (state.polarizer_deg, state.retarder_deg) == named
+        )
+        return slot, AnalyzerState(
+            polarizer_deg + self.offset_deg, retarder_deg + self.offset_deg, state.retardance_deg
+        )
+
+
+@dataclass(frozen=True)
+class Target:
+    """Where the bench stands: three angles in degrees and the analyzer's slot."""
+
+    incidence_deg: float
+    exit_deg: float
+    azimuth_deg: float
+    slot: int
+
+    @property
+    def axes_deg(self) -> dict[str, float]:
+        """Where the axes stand, by role."""
+        return {
+            "source_arm": self.incidence_deg,
+            "detector_arm": self.exit_deg,
+            "sample_azimuth": self.azimuth_deg,
+        }
+
+
+HOME = Target(0.0, 0.0, 0.0, 1)
+"""Where a bench is taken to stand before its first step."""
+
+
+@dataclass(frozen=True)
+class Step:
+    """One place of the bench and the readings taken there, `reading_s` each of the whole `duration_s`."""
+
+    point: int
+    kind: ReadingKind
+    target: Target
+    analyzer_deg: float | None
+    readings: int
+    exposure_s: float
+    duration_s: float
+    retarder_deg: float | None = None
+    retardance_deg: float | None = None
+    reading_s: float = 0.0
+
+    @property
+    def analyzer(self) -> AnalyzerState:
+        """What the light passes."""
+        return AnalyzerState(self.analyzer_deg, self.retarder_deg, self.retardance_deg)

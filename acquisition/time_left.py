@@ -1,0 +1,46 @@
+"""How long a scan still takes, as far as its plan and its course so far tell."""
+
+from __future__ import annotations
+
+from drivers.clock import Clock
+
+_TRUSTED_S = 10.0
+"""Seconds of the scan so far that count as much as the plan does."""
+
+
+class TimeLeft:
+    """Counts a scan's time down, and learns from how long steps truly take.
+
+    Parameters
+    ----------
+    clock : Clock
+        The bench's clock; the scan begins with the first question.
+    duration_s : float
+        How long the scan should take.
+    is_limit : bool
+        Whether that is a time limit, of a scan that ends by itself: then what is left of it is left, however long steps
+        take.
+    """
+
+    def __init__(self, clock: Clock, duration_s: float, *, is_limit: bool = False) -> None:
+        self._clock, self._duration_s, self._is_limit = clock, duration_s, is_limit
+        self._begun_s: float | None = None
+        self._done_s = 0.0
+
+    def step_done(self, duration_s: float) -> None:
+        """A step is done that should have taken so long."""
+        self._done_s += duration_s
+
+    def elapsed_s(self) -> float:
+        """How long the scan has taken so far."""
+        if self._begun_s is None:
+            self._begun_s = self._clock.now()
+        return self._clock.now() - self._begun_s
+
+    def left_s(self) -> float:
+        """How long the rest takes, at the rate of the part that is done."""
+        elapsed_s = self.elapsed_s()
+        if self._is_limit:
+            return max(self._duration_s - elapsed_s, 0.0)
+        pace = (elapsed_s + _TRUSTED_S) / (self._done_s + _TRUSTED_S)
+        return max(self._duration_s - self._done_s, 0.0) * pace

@@ -1,0 +1,51 @@
+"""The time left learns from the time that steps take."""
+
+import pytest
+from numpy.testing import assert_allclose
+
+from acquisition.time_left import TimeLeft
+
+
+class Clock:
+    now_s = 100.0
+
+    def now(self):
+        return self.now_s
+
+
+@pytest.mark.parametrize("pace", [0.5, 1.0, 1.3, 2.0])
+def test_the_time_left_is_soon_that_of_the_pace_at_which_steps_are_done(pace):
+    clock = Clock()
+    left = TimeLeft(clock, 1000.0)
+    assert left.left_s() == 1000.0
+    off = []
+    for step in range(1, 101):
+        clock.now_s += 10.0 * pace
+        left.step_done(10.0)
+        truly_s = (100 - step) * 10.0 * pace
+        off.append(abs(left.left_s() - truly_s))
+    assert max(off[5:]) < 0.15 * 1000.0 * pace
+    assert max(off[30:]) < 0.03 * 1000.0 * pace
+    assert off == sorted(off, reverse=True)
+    assert_allclose(left.elapsed_s(), 1000.0 * pace)
+    assert left.left_s() == 0.0
+
+
+def test_a_first_step_that_is_slow_does_not_upset_it():
+    clock = Clock()
+    left = TimeLeft(clock, 100.0)
+    left.left_s()
+    clock.now_s += 2.0
+    left.step_done(1.0)
+    assert 99.0 < left.left_s() < 1.15 * 99.0
+
+
+def test_of_a_time_limit_is_left_what_is_left():
+    clock = Clock()
+    left = TimeLeft(clock, 100.0, is_limit=True)
+    left.left_s()
+    clock.now_s += 30.0
+    left.step_done(10.0)
+    assert left.left_s() == 70.0
+    clock.now_s += 100.0
+    assert left.left_s() == 0.0
