@@ -50,7 +50,8 @@ class Reference(Section):
     )
 
 
-def _check_printable(name: str) -> str:
+def check_printable(name: str) -> str:
+    """Refuse a name that would not show as it is; raises ValueError."""
     if not name.isprintable():
         raise ValueError("holds a character that cannot be printed; write the name without control characters")
     return name
@@ -59,7 +60,7 @@ def _check_printable(name: str) -> str:
 class Recipe(Section):
     """A measurement: directions, analyzer angles, readings, and the fit."""
 
-    recipe: Annotated[str, AfterValidator(_check_printable)] = Field(
+    recipe: Annotated[str, AfterValidator(check_printable)] = Field(
         min_length=1, max_length=200, description="name of the measurement, for a person"
     )
     rig: str = Field(min_length=1, description="rig file; a relative path starts at this file's folder")
@@ -88,6 +89,15 @@ class Recipe(Section):
     )
     analyzer_deg: Annotated[tuple[AnalyzerAngle, ...], Field(strict=False, min_length=3)] = Field(
         description="at least 3 polarizer angles, in degrees, as the rig's slots name them; 4 for S3, with retarder_deg"
+    )
+    calibration: str | None = Field(
+        default=None,
+        min_length=1,
+        description="file in which goniometer calibrate has stored what it found of the analyzer; a relative path "
+        "starts at this file's folder; leave out to take the rig's polarizers to be ideal",
+    )
+    calibration_max_age_days: float | None = Field(
+        default=None, gt=0, le=36500, description="age of the calibration beyond which nothing is measured, in days"
     )
     dark: bool = Field(default=True, description="whether to read the blocked slot in every direction")
     reference: Reference | None = Field(default=None, description="readings that follow the lamp; leave out for none")
@@ -172,6 +182,15 @@ class Recipe(Section):
                     f"the angle {pair[1]:g} goes with the polarizer angle {pair[0]:g} {times} times; allowed: each "
                     "pair once (readings says how often each is read)",
                 )
+
+    @model_validator(mode="after")
+    def _check_calibration(self) -> Self:
+        if (self.calibration is None) != (self.calibration_max_age_days is None):
+            given, missing = ("calibration", "calibration_max_age_days")
+            if self.calibration is None:
+                given, missing = missing, given
+            refuse_all([((given,), f"needs {missing} beside it; add it, or leave both out")])
+        return self
 
     @model_validator(mode="after")
     def _check_steering(self) -> Self:

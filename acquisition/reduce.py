@@ -20,44 +20,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from acquisition.analyzer_matrix import AnalyzerState, analyzer_matrix, check_states
+from acquisition.calibrated_slots import SlotCalibration
+from acquisition.detector_noise import NoiseModel as NoiseModel
 from acquisition.doubts import behind_last_reference, in_break, unfinished, without_light
 from acquisition.lamp_level import LARGEST_CHANGE, LampLevel, reference_groups
 from acquisition.polarization import stokes_point
 from acquisition.readings import Reading, StokesPoint
 from goniometer.errors import ReductionError
 
-_PLANCK_J_S = 6.62607015e-34
-_LIGHT_SPEED_M_S = 299792458.0
-
-
-@dataclass(frozen=True)
-class NoiseModel:
-    """Variance of a reading: read noise that averages down, and the photons' own.
-
-    Parameters
-    ----------
-    read_w : float
-        Standard deviation of one sample, in W.
-    sample_s : float
-        Duration of one sample, in s.
-    shot : bool
-        Whether photon noise counts.
-    wavelength_nm : float
-        Sets the energy of a photon.
-    """
-
-    read_w: float
-    sample_s: float
-    shot: bool
-    wavelength_nm: float
-
-    def variance(self, power_w: NDArray[np.float64], exposure_s: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Variance in W² of readings of mean `power_w` over `exposure_s`."""
-        read = self.read_w**2 * self.sample_s / exposure_s
-        if not self.shot:
-            return read
-        photon_j = _PLANCK_J_S * _LIGHT_SPEED_M_S / (self.wavelength_nm * 1e-9)
-        return np.asarray(read + photon_j * np.maximum(power_w, 0.0) / exposure_s)
+Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -81,6 +52,9 @@ class Reduction:
         Whether the dark power is measured in every direction; without it, it is taken to be 0.
     largest_change : float
         Relative change of the lamp between two references beyond which nothing is made of the readings between them.
+    calibration : SlotCalibration, optional
+        What was found of the analyzer's slots, in place of ideal polarizers at the angles that readings name; and of
+        the dark power, where it is not measured.
     """
 
     def __init__(
@@ -90,9 +64,14 @@ class Reduction:
         *,
         has_dark: bool,
         largest_change: float = LARGEST_CHANGE,
+        calibration: SlotCalibration | None = None,
     ) -> None:
         self._radiometry, self._noise, self._has_dark = radiometry, noise, has_dark
-        self._largest_change = largest_change
+        self._largest_change, self._calibration = largest_change, calibration
+        dark = None if calibration is None or has_dark else calibration.dark
+        self._dark_w, self._dark_variance = (0.0, 0.0) if dark is None else (dark.power_w, dark.stderr_w**2)
+        if calibration is not None:
+            self._rows, self._row_slopes = calibration.rows(), calibration.row_slopes()
 
     def scan(self, readings: Sequence[Reading]) -> tuple[StokesPoint, ...]:
         """Reduce every direction whose readings determine its Stokes parameters, in the order of their numbers.
@@ -179,6 +158,8 @@ class Reduction:
                     continue
                 dark_w, dark_variance = self._mean(darks[group[0].point])
                 power_w, variance = power_w - dark_w, variance + dark_variance
+            else:
+                power_w, variance = power_w - self._dark_w, variance + self._dark_variance
             times_s.append(sum(r.time_s for r in group) / len(group))
             powers_w.append(power_w)
             variances.append(variance)
@@ -207,16 +188,42 @@ class Reduction:
         levels, of_levels = lamp.at([reading.time_s for reading in signals])
         scale_w = self._radiometry.beam_power_w * self._radiometry.acceptance_sr * math.cos(math.radians(exit_deg))
         lit = np.array([reading.kind == "signal" for reading in readings])
-        count, matrix = _design_matrix(readings, self._has_dark)
+        count, matrix = self._design_matrix(readings)
         matrix[lit, :count] *= levels[:, None]
-        power_w = np.array([reading.power_w for reading in readings])
+        power_w = np.array([reading.power_w for reading in readings]) - self._dark_w
         exposure_s = np.array([reading.exposure_s for reading in readings])
-        inverse, covariance = _inverted(matrix, power_w, lambda mean_w: self._noise.variance(mean_w, exposure_s))
+        inverse, covariance = _inverted(
+            matrix, power_w, lambda mean_w: self._noise.variance(mean_w + self._dark_w, exposure_s)
+        )
         solution = inverse @ power_w
+        covariance = covariance + self._of_calibration(signals, levels, inverse, lit, solution)
         by_levels = inverse[:count, lit] * (matrix[lit, :count] @ solution[:count] / levels)
         stokes = solution[:count] / scale_w
         covariance = (covariance[:count, :count] + by_levels @ of_levels @ by_levels.T) / scale_w**2
         return stokes_point(signals[0], stokes, covariance)
+
+    def _design_matrix(self, readings: Sequence[Reading]) -> tuple[int, Floats]:
+        """How many Stokes parameters there are, and how these and the dark power make the readings."""
+        signals = np.array([reading.kind == "signal" for reading in readings])
+        of_states = analyzer_matrix([reading.analyzer for reading in readings if reading.kind == "signal"])
+        if self._calibration is not None:
+            of_states = np.array([self._rows[reading.slot] for reading in readings if reading.kind == "signal"])
+        count = of_states.shape[1]
+        rows = np.zeros((len(readings), count + self._has_dark))
+        rows[signals, :count] = of_states
+        rows[:, count:] = 1.0
+        return count, rows
+
+    def _of_calibration(
+        self, signals: Sequence[Reading], levels: Floats, inverse: Floats, lit: NDArray[np.bool_], solution: Floats
+    ) -> Floats:
+        """What the calibration's errors add to the covariance of a solution in W², by the propagation above."""
+        if self._calibration is None:
+            return np.zeros((len(solution), len(solution)))
+        powers = levels[:, None] * [self._row_slopes[one.slot] @ solution[:3] for one in signals]
+        by_slots, by_dark = inverse[:, lit] @ powers, inverse.sum(axis=1)
+        of_slots = by_slots @ self._calibration.covariance @ by_slots.T
+        return np.asarray(of_slots + np.outer(by_dark, by_dark) * self._dark_variance)
 
     def _mean(self, readings: Sequence[Reading]) -> tuple[float, float]:
         power_w = np.array([reading.power_w for reading in readings])
@@ -230,22 +237,7 @@ def _states(readings: Sequence[Reading]) -> list[AnalyzerState]:
     return list({reading.analyzer: None for reading in readings if reading.kind == "signal"})
 
 
-def _design_matrix(readings: Sequence[Reading], has_dark: bool) -> tuple[int, NDArray[np.float64]]:
-    """How many Stokes parameters there are, and how these and the dark power make the readings."""
-    signals = np.array([reading.kind == "signal" for reading in readings])
-    of_states = analyzer_matrix([reading.analyzer for reading in readings if reading.kind == "signal"])
-    count = of_states.shape[1]
-    rows = np.zeros((len(readings), count + has_dark))
-    rows[signals, :count] = of_states
-    rows[:, count:] = 1.0
-    return count, rows
-
-
-def _inverted(
-    matrix: NDArray[np.float64],
-    power_w: NDArray[np.float64],
-    variance_of: Callable[[NDArray[np.float64]], NDArray[np.float64]],
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _inverted(matrix: Floats, power_w: Floats, variance_of: Callable[[Floats], Floats]) -> tuple[Floats, Floats]:
     """What solves for the unknowns by least squares, (unknowns, readings), and the covariance of the solution.
 
     It is weighted by the variance of the fitted, not of the measured, powers: weights from the measured ones would

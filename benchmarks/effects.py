@@ -30,6 +30,7 @@ EFFECTS = (
     {"effect": "flicker", "relative_amplitude": 0.01, "frequency_hz": 100.0},
     {"effect": "source_cone", "half_angle_deg": 0.3},
     {"effect": "acceptance_cone"},
+    {"effect": "reference_polarizer", "angle_deg": 30.0},
     {"effect": "stray_light", "power_w": 1e-10},
     {"effect": "slot_angle_errors", "errors_deg": {2: 0.3}},
     {"effect": "slot_transmissions", "relative": {2: 0.98}},

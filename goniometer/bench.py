@@ -13,7 +13,7 @@ from typing import Literal
 from drivers.clock import Clock, WallClock
 from goniometer.bench_commands.port_lock import held_ports
 from goniometer.errors import ConfigurationError
-from goniometer.load_files import Setup, load_scene
+from goniometer.load_files import BenchSetup, load_scene
 from goniometer.rig_file import Rig
 from sim_devices.bench import Bench as SimulatedBench
 from sim_devices.scene import Scene
@@ -74,7 +74,7 @@ def _clock(speed: Speed) -> VirtualClock | ScaledClock:
 
 
 @contextmanager
-def access(setup: Setup, speed: Speed | None) -> Iterator[BenchAccess]:
+def access(setup: BenchSetup, speed: Speed | None) -> Iterator[BenchAccess]:
     """The bench that a recipe's rig asks for, while the block lasts.
 
     Raises
@@ -109,6 +109,6 @@ def served_ports(rig: Rig, bench: SimulatedBench) -> dict[str, str]:
     }
 
 
-def _refuse_speed(speed: Speed | None, setup: Setup, reason: str) -> None:
+def _refuse_speed(speed: Speed | None, setup: BenchSetup, reason: str) -> None:
     if speed is not None:
         raise ConfigurationError([f"{setup.rig_path}: --speed {speed} cannot be kept: {reason}. Nothing was moved."])

@@ -16,6 +16,7 @@ import click
 
 from goniometer import __version__
 from goniometer.cli_bench import align, devices, home, move, read, stop
+from goniometer.cli_calibrate import calibrate
 from goniometer.cli_fits import budget, compare, fit
 from goniometer.cli_options import FILE, Speed, SpeedType
 from goniometer.cli_runs import export, runs
@@ -85,15 +86,15 @@ def simulate(scene: Path, speed: Speed) -> None:
 
 
 @cli.command()
-@click.argument("kind", type=click.Choice(["recipe", "rig", "scene"]))
-def schema(kind: Literal["recipe", "rig", "scene"]) -> None:
+@click.argument("kind", type=click.Choice(["recipe", "rig", "scene", "calibration-recipe", "calibration"]))
+def schema(kind: Literal["recipe", "rig", "scene", "calibration-recipe", "calibration"]) -> None:
     """Print the JSON Schema of a file, so that an editor completes and checks it."""
     from goniometer.schema import schema as schema_of
 
     click.echo(json.dumps(schema_of(kind), indent=2))
 
 
-for command in (fit, compare, budget, devices, home, move, read, align, stop, runs, export):
+for command in (fit, compare, budget, devices, home, move, read, align, calibrate, stop, runs, export):
     cli.add_command(command)
 
 

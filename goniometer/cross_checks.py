@@ -35,24 +35,29 @@ def recipe_on_rig(recipe: Recipe, file: YamlFile, rig: Rig, rig_path: Path) -> I
             f"{rig.calibration.acceptance_sr:g} sr (acceptance_sr), a wider cone than {math.degrees(WIDEST_RAD):g}° to "
             "each side, and more bounces are averaged over it",
         )
+    yield from exposure_faults(recipe.exposure_s, file, rig, rig_path)
+    if rig.is_simulated and recipe.scene is None:
+        yield file.fault(
+            ("scene",), f"is missing, but {rig_path} is simulated. Name a scene file, or a rig of real devices"
+        )
+
+
+def exposure_faults(exposure_s: float, file: YamlFile, rig: Rig, rig_path: Path) -> Iterator[Fault]:
+    """Whether the detector can read for so long."""
     sample_s = rig.detector.sample_s
-    samples = max(1, round(recipe.exposure_s / sample_s))
+    samples = max(1, round(exposure_s / sample_s))
     if samples > rig.detector.most_samples:
         longest_s = rig.detector.most_samples * sample_s
         yield file.fault(
             ("exposure_s",),
-            f"got {recipe.exposure_s:g}; allowed: at most {longest_s:g}, the most that the detector in {rig_path} "
+            f"got {exposure_s:g}; allowed: at most {longest_s:g}, the most that the detector in {rig_path} "
             "averages. Take more readings instead",
         )
-    if abs(recipe.exposure_s - samples * sample_s) > _SAME_DURATION * recipe.exposure_s:
+    if abs(exposure_s - samples * sample_s) > _SAME_DURATION * exposure_s:
         yield file.fault(
             ("exposure_s",),
-            f"got {recipe.exposure_s:g}; allowed: a whole number of the detector's samples of {sample_s:g} s (sample_s "
+            f"got {exposure_s:g}; allowed: a whole number of the detector's samples of {sample_s:g} s (sample_s "
             f"in {rig_path}), the nearest is {samples * sample_s:g}",
-        )
-    if rig.is_simulated and recipe.scene is None:
-        yield file.fault(
-            ("scene",), f"is missing, but {rig_path} is simulated. Name a scene file, or a rig of real devices"
         )
 
 

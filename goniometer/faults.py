@@ -48,7 +48,7 @@ def model_faults(error: ValidationError, file: YamlFile, kind: Kind) -> Iterator
         As raised when `file.data` was validated.
     file : YamlFile
         The file; places that could not be read already have their fault and get no second one.
-    kind : "recipe", "rig" or "scene"
+    kind : "recipe", "rig" or another kind of file
         Which schema says what is allowed.
     """
     root = schema(kind)

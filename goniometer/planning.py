@@ -5,11 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from acquisition.adaptive import Adaptive, first_exits_deg
+from acquisition.calibrated_slots import SlotCalibration
 from acquisition.course import Choice, Course, Listed, passes
 from acquisition.events import Event
 from acquisition.expand import HOME, Slots, Step, Visits, expand
 from acquisition.expected_noise import Detection
 from acquisition.fit_points import surface_family
+from acquisition.lamp_level import LARGEST_CHANGE
 from acquisition.recipe import Recipe
 from acquisition.reduce import NoiseModel, Radiometry, Reduction
 from acquisition.steering import Steering
@@ -87,20 +89,29 @@ def timing(rig: Rig) -> BenchTiming:
     )
 
 
-def reduction(recipe: Recipe, rig: Rig) -> Reduction:
-    """The reduction that the rig's calibration and its detector's noise ask for."""
+def reduction(recipe: Recipe, rig: Rig, calibration: SlotCalibration | None = None) -> Reduction:
+    """The reduction that the rig's radiometry, its detector's noise and the calibration of its analyzer ask for."""
+    assert (calibration is None) == (recipe.calibration is None), "a recipe that names a calibration is reduced by it"
     expected = detection(recipe, rig)
-    if recipe.reference is None:
-        return Reduction(expected.radiometry, expected.noise, has_dark=recipe.dark)
-    largest_change = recipe.reference.largest_change
-    return Reduction(expected.radiometry, expected.noise, has_dark=recipe.dark, largest_change=largest_change)
+    return Reduction(
+        expected.radiometry,
+        expected.noise,
+        has_dark=recipe.dark,
+        largest_change=LARGEST_CHANGE if recipe.reference is None else recipe.reference.largest_change,
+        calibration=calibration,
+    )
 
 
 def detection(recipe: Recipe, rig: Rig, dark_w: float = 0.0) -> Detection:
     """What makes readings of light on a rig whose detector shows so much power in the dark."""
-    detector = rig.detector
     return Detection(
         Radiometry(rig.calibration.beam_power_w, rig.calibration.acceptance_sr),
-        NoiseModel(detector.noise.read_w, detector.sample_s, detector.noise.shot, recipe.wavelength_nm),
+        noise(rig, recipe.wavelength_nm),
         dark_w,
     )
+
+
+def noise(rig: Rig, wavelength_nm: float) -> NoiseModel:
+    """The noise that the rig file states of its detector."""
+    detector = rig.detector
+    return NoiseModel(detector.noise.read_w, detector.sample_s, detector.noise.shot, wavelength_nm)

@@ -11,14 +11,14 @@ import subprocess
 from datetime import datetime
 from pathlib import Path
 
-from goniometer.load_files import Setup
+from goniometer.load_files import BenchSetup
 
 _PACKAGES = ("goniometer", "numpy", "scipy", "pyserial")
 _GIT_S = 5.0
 """A working tree on a slow network drive must not hold a scan up."""
 
 
-def provenance(setup: Setup, scene_text: str, begun: datetime) -> dict[str, str]:
+def provenance(setup: BenchSetup, scene_text: str, begun: datetime) -> dict[str, str]:
     """What a run must remember to be understood and repeated, by key.
 
     Parameters
@@ -37,6 +37,8 @@ def provenance(setup: Setup, scene_text: str, begun: datetime) -> dict[str, str]
         and packages' versions; ``recipe_git`` and ``goniometer_git`` as `git_state` says them.
     """
     texts = {"recipe": setup.recipe_text, "rig": setup.rig_text, "scene": scene_text}
+    if setup.calibration_text:
+        texts["calibration"] = setup.calibration_text
     return {
         **texts,
         **{f"{name}_sha256": hashlib.sha256(text.encode()).hexdigest() for name, text in texts.items() if text},

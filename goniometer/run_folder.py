@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import json
 import re
+from collections.abc import Mapping
 from dataclasses import dataclass
 from datetime import datetime
+from functools import partial
 from pathlib import Path
 
 import yaml
 
 from acquisition import journal
+from acquisition.calibrated_slots import SlotCalibration
 from acquisition.fit_points import dataset, fit_arguments, named_in_degrees, surface_family
 from acquisition.journal import Journal
 from acquisition.nexus import write_nexus
@@ -18,6 +21,7 @@ from acquisition.readings import Reading, StokesPoint
 from acquisition.recipe import Recipe
 from acquisition.stokes_csv import write_stokes_csv
 from acquisition.whole_file import written_whole
+from goniometer.calibrating.shared_error import with_shared_error
 from goniometer.errors import FitError, JournalError, ReductionError
 from goniometer.fitted_curve import fitted_curve
 from goniometer.fitting.as_json import fit_json
@@ -37,6 +41,7 @@ class MeasuredRun:
 
     `about` holds the texts and versions that the journal remembers; `doubts` are what a person should know of the light
     before believing in the points, such as directions that are left out because nobody knows how bright the lamp was.
+    `calibration` is what the readings were reduced with, None for ideal polarizers.
     """
 
     folder: Path
@@ -46,6 +51,7 @@ class MeasuredRun:
     points: tuple[StokesPoint, ...]
     about: dict[str, str]
     doubts: tuple[str, ...]
+    calibration: SlotCalibration | None
 
 
 @dataclass(frozen=True)
@@ -108,15 +114,34 @@ def measured(folder: str | Path) -> MeasuredRun:
         folder = folder.parent
     with Journal.open(folder / journal.FILE_NAME) as stored:
         readings, about = stored.readings(), stored.about()
-    recipe = Recipe.model_validate(yaml.safe_load(about["recipe"]))
-    rig = Rig.model_validate(yaml.safe_load(about["rig"]))
-    reduced_by = reduction(recipe, rig)
+    recipe, rig, calibration = remembered(folder, about)
+    reduced_by = reduction(recipe, rig, calibration)
     points = reduced_by.scan(readings)
     if not points:
         raise ReductionError(
             f"{folder} holds {len(readings)} readings and not one finished direction: there is nothing to reduce."
         )
-    return MeasuredRun(folder, recipe, rig, readings, points, about, reduced_by.doubts(readings, points))
+    return MeasuredRun(folder, recipe, rig, readings, points, about, reduced_by.doubts(readings, points), calibration)
+
+
+def remembered(folder: Path, about: Mapping[str, str]) -> tuple[Recipe, Rig, SlotCalibration | None]:
+    """The recipe, the rig and the calibration of a run, as its journal remembers them.
+
+    Raises
+    ------
+    ReductionError
+        When it is the scan of a calibration.
+    """
+    content = yaml.safe_load(about["recipe"])
+    if "calibrate" in content:
+        raise ReductionError(
+            f"{folder} is a scan for a calibration, which is solved, not reduced: goniometer calibrate {folder}"
+        )
+    recipe, rig = Recipe.model_validate(content), Rig.model_validate(yaml.safe_load(about["rig"]))
+    calibration = None
+    if recipe.calibration is not None:
+        calibration = SlotCalibration.model_validate(yaml.safe_load(about["calibration"]))
+    return recipe, rig, calibration
 
 
 def stored_run(folder: str | Path) -> StoredRun:
@@ -132,9 +157,17 @@ def stored_run(folder: str | Path) -> StoredRun:
     try:
         with named_in_degrees():
             result = fit(dataset(run.points, run.folder.name), _family(run), **fit_arguments(choice))
+            if run.calibration is not None:
+                result = with_shared_error(result, run.calibration, partial(refitted, run))
     except FitError as error:
         refusal = str(error)
     return StoredRun(**vars(run), fit=result, refusal=refusal, truth=scene_truth(run.about["scene"]))
+
+
+def refitted(run: MeasuredRun, calibration: SlotCalibration, start: dict[str, float]) -> FitResult:
+    """The fit of the same readings reduced with another calibration."""
+    points = reduction(run.recipe, run.rig, calibration).scan(run.readings)
+    return fit(dataset(points, run.folder.name), _family(run), start=start, **fit_arguments(run.recipe.fit))
 
 
 def scene_truth(scene_text: str) -> dict[str, float]:

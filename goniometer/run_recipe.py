@@ -119,7 +119,7 @@ def _measure(
         if live_fit and not recipe.is_steered:
             family = surface_family(recipe.fit, rig.calibration.acceptance_sr)
             fitting = stack.enter_context(LiveFit(family, fit_arguments(recipe.fit)))
-        pipeline = Pipeline(reduction(recipe, rig), fitting, subscribers)
+        pipeline = Pipeline(reduction(recipe, rig, setup.calibration), fitting, subscribers)
         stack.enter_context(_switching_threads_often())
         started = _started(setup, str(folder), bench_access.scene_text, bench.notes)
         pipeline.publish(started)

@@ -6,22 +6,30 @@ from typing import Any, Literal
 
 from pydantic import BaseModel
 
+from acquisition.calibrated_slots import SlotCalibration
+from acquisition.calibration_recipe import CalibrationRecipe
 from acquisition.recipe import Recipe
 from goniometer.rig_file import Rig
 from sim_devices.scene import Scene
 
-Kind = Literal["recipe", "rig", "scene"]
+Kind = Literal["recipe", "rig", "scene", "calibration-recipe", "calibration"]
 Node = dict[str, Any]
 
-MODELS: dict[Kind, type[BaseModel]] = {"recipe": Recipe, "rig": Rig, "scene": Scene}
+MODELS: dict[Kind, type[BaseModel]] = {
+    "recipe": Recipe,
+    "rig": Rig,
+    "scene": Scene,
+    "calibration-recipe": CalibrationRecipe,
+    "calibration": SlotCalibration,
+}
 
 
 def schema(kind: Kind) -> Node:
-    """JSON Schema of a recipe, rig or scene, for editors that complete and check YAML.
+    """JSON Schema of a recipe, a rig or another kind of file, for editors that complete and check YAML.
 
     Parameters
     ----------
-    kind : "recipe", "rig" or "scene"
+    kind : "recipe", "rig", "scene", "calibration-recipe" or "calibration"
         Which file.
     """
     node: Node = _without_null(MODELS[kind].model_json_schema())

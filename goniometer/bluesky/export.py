@@ -7,8 +7,6 @@ from collections.abc import Iterator, Sequence
 from datetime import datetime
 from pathlib import Path
 
-import yaml
-
 from acquisition import journal
 from acquisition.event_model import Document, RunEnd, documents, line, write_documents
 from acquisition.journal import Journal
@@ -17,6 +15,7 @@ from acquisition.recipe import Recipe
 from goniometer.errors import JournalError
 from goniometer.planning import plan, reduction
 from goniometer.rig_file import Rig
+from goniometer.run_folder import remembered
 
 
 def export_event_model(folder: Path, out: Path | None) -> None:
@@ -49,9 +48,8 @@ def run_documents(folder: Path) -> Iterator[Document]:
     folder = folder.parent if folder.name == journal.FILE_NAME else folder
     with Journal.open(folder / journal.FILE_NAME) as stored:
         readings, about = stored.readings(), stored.about()
-    recipe = Recipe.model_validate(yaml.safe_load(about["recipe"]))
-    rig = Rig.model_validate(yaml.safe_load(about["rig"]))
-    points = reduction(recipe, rig).scan(readings)
+    recipe, rig, calibration = remembered(folder, about)
+    points = reduction(recipe, rig, calibration).scan(readings)
     return documents(
         name=folder.resolve().name,
         begun_unix_s=_begun_unix_s(folder.resolve()),

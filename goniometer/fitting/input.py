@@ -35,6 +35,12 @@ _SMOOTH = 0.01
 """Roughness of a sample that ellipsometry takes for smooth; in the mirror direction nothing depends on it."""
 
 
+_SHARED = (
+    "All directions share the error of the analyzer's calibration. This fit takes them as independent, and so its "
+    "standard errors may be too small; those of goniometer fit RUN, as the run's own recipe says, are not"
+)
+
+
 @dataclass(frozen=True)
 class FitInput:
     """Measured data, and what is known of how they were measured.
@@ -85,7 +91,8 @@ def read_input(path: Path) -> FitInput:
         run = measured(path)
         data = dataset(run.points, run.folder.name)
         truth = scene_truth(run.about["scene"])
-        return FitInput(run.folder, data, run.recipe.fit, run.rig.calibration.acceptance_sr, truth, run.doubts)
+        notes = run.doubts if run.calibration is None else (*run.doubts, _SHARED)
+        return FitInput(run.folder, data, run.recipe.fit, run.rig.calibration.acceptance_sr, truth, notes)
     if not path.exists():
         raise JournalError(f"{path} does not exist. Name a run's folder, a NeXus file (.nxs) or a table (.csv).")
     if path.suffix.lower() in NEXUS_SUFFIXES:

@@ -19,6 +19,7 @@ from sim_devices.effects.nonlinearity import Nonlinearity
 from sim_devices.effects.polarized_lamp import PolarizedLamp
 from sim_devices.effects.quantisation import Quantisation
 from sim_devices.effects.read_noise import ReadNoise
+from sim_devices.effects.reference_polarizer import ReferencePolarizer
 from sim_devices.effects.saturation import Saturation
 from sim_devices.effects.shot_noise import ShotNoise
 from sim_devices.effects.slots import SlotAngleErrors, SlotTransmissions
@@ -37,6 +38,7 @@ IN_ORDER: tuple[type[Effect], ...] = (
     Flicker,
     SourceCone,
     AcceptanceCone,
+    ReferencePolarizer,
     StrayLight,
     SlotAngleErrors,
     SlotTransmissions,

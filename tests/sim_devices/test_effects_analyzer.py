@@ -150,3 +150,24 @@ def test_a_turned_row_is_that_of_the_turned_polarizer(angle_deg):
 
 def test_turning_an_element_leaves_what_it_does_to_circular_light():
     assert_allclose(turned(np.array([0.5, 0.0, 0.0, 0.5]), 33.0), [0.5, 0.0, 0.0, 0.5])
+
+
+@pytest.mark.parametrize("angle_deg", [0.0, 30.0, 45.0, 100.0])
+def test_behind_a_reference_polarizer_the_analyzer_follows_malus(bench, arriving_w, angle_deg):
+    """Without a leak: the intensity along the reference, times cos² of the angle to the slot's polarizer."""
+    reference = {"effect": "reference_polarizer", "angle_deg": angle_deg - 2.0, "error_deg": 2.0}
+    for slot, slot_deg in ANGLES_DEG.items():
+        expected_w = passed_w(arriving_w, angle_deg) * math.cos(math.radians(slot_deg - angle_deg)) ** 2
+        found_w = bench(reference | {"extinction_ratio": 1e12}, slot=slot).power_w(100.0)
+        assert_allclose(found_w, expected_w, rtol=1e-5, atol=1e-6 * arriving_w[0])
+
+
+def test_a_reference_polarizer_leaks_amplitudes_and_so_turns_polarized_light(bench):
+    """Jones: light at 45 degrees passes an element diag(1, √e) as (1, √e)/√2, polarized at atan √e."""
+    leak = 1e-4
+    world = bench({"effect": "reference_polarizer", "extinction_ratio": 1 / leak})
+    (effect,) = world.scene.effects
+    out = effect.mueller() @ [1.0, 0.0, 1.0, 0.0]
+    assert_allclose(0.5 * math.atan2(out[2], out[1]), math.atan(math.sqrt(leak)), rtol=1e-9)
+    assert_allclose(out[0], (1 + leak) / 2, rtol=1e-12)
+    assert_allclose(math.hypot(out[1], out[2]), out[0], rtol=1e-9)

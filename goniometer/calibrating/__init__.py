@@ -1,0 +1,1 @@
+"""`goniometer calibrate`: measure references, solve for the analyzer's slots, store what was found."""
