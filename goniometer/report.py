@@ -25,6 +25,8 @@ if TYPE_CHECKING:
 _WIDTH_IN, _HEAD_IN, _PANELS_IN, _X_LABEL_IN = 13.0, 1.15, 5.2, 0.7
 _ROW_IN, _SMALL_ROW_IN, _FOOT_MARGIN_IN = 0.27, 0.155, 0.3
 _LEFT, _RIGHT = 0.045, 0.985
+_GAP_OF_WIDTH = 0.052
+"""Between two panels, for the numbers on their axes."""
 _TEXT_LEFT, _TEXT_COLUMNS, _QUALITY_COLUMNS = 0.535, 96, 92
 _COLUMNS = {"name": 0.0, "meaning": 0.04, "value": 0.225, "error": 0.235, "truth": 0.365, "off": 0.43}
 """Left edges of the parameter table's columns in parts of the width; value, truth and off end there."""
@@ -138,7 +140,7 @@ def _draw_panels(
         right=_RIGHT,
         top=1.0 - _HEAD_IN / height_in,
         bottom=(foot_in + _X_LABEL_IN) / height_in,
-        wspace=0.15,
+        wspace=_GAP_OF_WIDTH * len(shown) / (_RIGHT - _LEFT - _GAP_OF_WIDTH * (len(shown) - 1)),
         hspace=0.16,
     )
     for column, quantity in enumerate(shown):

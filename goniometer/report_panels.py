@@ -159,7 +159,11 @@ def _at_edge(
 def _left_out(axes: Axes, values: FloatArray, lost: NDArray[np.bool_], note: str) -> FloatArray:
     """Take values out of the picture, and say how many."""
     if lost.any():
-        axes.set_title(note.format(np.count_nonzero(lost)), loc="right", size="small", color=FAINT)
+        text = note.format(np.count_nonzero(lost))
+        edge = {"facecolor": "white", "edgecolor": "none", "alpha": 0.8, "pad": 1.0}
+        axes.text(
+            0.99, 0.99, text, transform=axes.transAxes, ha="right", va="top", size="small", color=FAINT, bbox=edge
+        )
     return np.where(lost, np.nan, values)
 
 

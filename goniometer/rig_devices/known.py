@@ -2,11 +2,7 @@
 
 from __future__ import annotations
 
-import inspect
-import logging
-from collections.abc import Mapping
-from importlib.metadata import entry_points
-from typing import TYPE_CHECKING, Annotated, Any, Union, get_args
+from typing import TYPE_CHECKING, Annotated, Any, Union
 
 from pydantic import Field
 
@@ -20,8 +16,7 @@ from goniometer.rig_devices.thorlabs_apt import ThorlabsAptEntry
 from goniometer.rig_devices.thorlabs_elliptec import ThorlabsElliptecEntry, ThorlabsElliptecSliderEntry
 from goniometer.rig_devices.thorlabs_fw102c import ThorlabsFw102cEntry
 from goniometer.rig_devices.thorlabs_pm100 import ThorlabsPm100Entry
-
-_log = logging.getLogger(__name__)
+from sim_devices.bench_devices.offers import names_of, offers
 
 GROUP = "goniometer.drivers"
 """The entry point group in which another package names its `DeviceEntry` classes."""
@@ -43,42 +38,23 @@ _OWN: tuple[type[DeviceEntry], ...] = (
 def kinds() -> tuple[type[DeviceEntry], ...]:
     """Every kind of device; a package whose offer cannot be used is left out with a warning, and stops nobody else."""
     found: dict[str, type[DeviceEntry]] = {driver_of(kind): kind for kind in _OWN}
-    for point in entry_points(group=GROUP):
-        try:
-            kind = point.load()
-            fault = _fault(kind, found)
-        except Exception as error:  # noqa: BLE001 (whatever another package does as it is loaded)
-            fault = f"cannot be loaded ({error!r})"
-        if fault:
-            package = point.dist.name if point.dist else point.value
-            _log.warning(
-                "the package %s offers the driver %s, which %s. It is left out: repair or uninstall it.",
-                package,
-                point.name,
-                fault,
-            )
-        else:
-            found[driver_of(kind)] = kind
+
+    def fault(kind: type[DeviceEntry]) -> str:
+        if len(names_of(kind, "driver")) != 1:
+            return "has no name in a rig file: it needs driver: Literal[...] with one value"
+        if found.get(driver_of(kind), kind) is not kind:
+            return f"has the name of another, {driver_of(kind)}"
+        return ""
+
+    for kind in offers(GROUP, DeviceEntry, "driver", fault):  # type: ignore[type-abstract]  # it makes none of them
+        found[driver_of(kind)] = kind
     return tuple(found.values())
 
 
 def driver_of(kind: type[DeviceEntry]) -> str:
     """The value of `driver` that names a kind of device; raises ValueError when there is not exactly one."""
-    (name,) = get_args(kind.model_fields["driver"].annotation)
-    return str(name)
-
-
-def _fault(kind: object, found: Mapping[str, type[DeviceEntry]]) -> str:
-    """Why something that a package offers cannot be used; empty when it can."""
-    if not (isinstance(kind, type) and issubclass(kind, DeviceEntry)):
-        return f"is {kind!r} and no DeviceEntry"
-    if inspect.isabstract(kind):
-        return f"is {kind!r} and lacks {', '.join(sorted(kind.__abstractmethods__))}"
-    if len(get_args(kind.model_fields["driver"].annotation)) != 1:
-        return "has no name in a rig file: it needs driver: Literal[...] with one value"
-    if found.get(driver_of(kind), kind) is not kind:
-        return f"has the name of another, {driver_of(kind)}"
-    return ""
+    (name,) = names_of(kind, "driver")
+    return name
 
 
 if TYPE_CHECKING:

@@ -149,7 +149,7 @@ def test_negative_s0_is_marked_and_counted_not_dropped(tmp_path: Path) -> None:
     s0, *_ = quantities(points)
     draw_quantity(axes, s0)
     assert axes.get_yscale() == "log"
-    assert axes.get_title("right") == "▽ 2 below the noise"
+    assert [note.get_text() for note in axes.texts] == ["▽ 2 below the noise"]
     _draw(tmp_path / "report.png", points, title="weak")
 
 
