@@ -23,7 +23,7 @@ from model.design.timed_design import timed_design
 
 ROOT = Path(__file__).resolve().parent.parent
 SEEDS = range(1, 11)
-TIMES_S = (60.0, 100.0, 150.0, 207.0, 300.0)
+TIMES_S = (60.0, 100.0, 150.0, 200.0, 300.0)
 MOST_READINGS = 10_000
 
 
@@ -98,7 +98,6 @@ def main():
                 )
                 ratio, longer = at_time[:, 0] / known, until[:, 2] / time_s
                 off = np.sqrt(np.mean(np.concatenate([at_time[:, 1], until[:, 1]]) ** 2))
-                uniform_longer = uniform_s * (uniform / known) ** 2 / np.mean(until[:, 2])
                 uniform_longer = uniform_s * (uniform / known) ** 2 / np.mean(until[:, 2])
                 print(
                     f"  {time_s:3.0f} s: best design n ± {known:.5f}; after the same time {_range(ratio)} times that; "
