@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
+from acquisition.measured_time import time_fault
 from acquisition.section import Section, SectionFault, refuse_all
 
 PARAMETERS = ("angle_deg", "leak", "transmission")
@@ -106,14 +107,8 @@ class SlotCalibration(Section):
         return self
 
     def _faults(self) -> Iterator[SectionFault]:
-        try:
-            if datetime.fromisoformat(self.measured).tzinfo is None:
-                yield (
-                    ("measured",),
-                    f"got '{self.measured}'; allowed: a time with its zone, '2026-01-31T12:00:00+00:00'",
-                )
-        except ValueError:
-            yield ("measured",), f"got '{self.measured}'; allowed: a time such as '2026-01-31T12:00:00+00:00'"
+        if fault := time_fault(self.measured):
+            yield ("measured",), fault
         held = {slot: holds for slot, holds in self.layout.items() if not isinstance(holds, str)}
         if {slot: of_slot.holds for slot, of_slot in self.slots.items()} != held:
             yield ("slots",), "are not the slots of layout that hold polarizers; calibrate the analyzer anew"

@@ -97,7 +97,10 @@ class Recipe(Section):
         "starts at this file's folder; leave out to take the rig's polarizers to be ideal",
     )
     calibration_max_age_days: float | None = Field(
-        default=None, gt=0, le=36500, description="age of the calibration beyond which nothing is measured, in days"
+        default=None,
+        gt=0,
+        le=36500,
+        description="age of the calibration, and of the arms' zeros, beyond which nothing is measured, in days",
     )
     dark: bool = Field(default=True, description="whether to read the blocked slot in every direction")
     reference: Reference | None = Field(default=None, description="readings that follow the lamp; leave out for none")
@@ -185,11 +188,8 @@ class Recipe(Section):
 
     @model_validator(mode="after")
     def _check_calibration(self) -> Self:
-        if (self.calibration is None) != (self.calibration_max_age_days is None):
-            given, missing = ("calibration", "calibration_max_age_days")
-            if self.calibration is None:
-                given, missing = missing, given
-            refuse_all([((given,), f"needs {missing} beside it; add it, or leave both out")])
+        if self.calibration is not None and self.calibration_max_age_days is None:
+            refuse_all([(("calibration",), "needs calibration_max_age_days beside it; add it, or leave both out")])
         return self
 
     @model_validator(mode="after")

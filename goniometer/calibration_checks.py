@@ -60,6 +60,27 @@ def calibration_for_recipe(
         )
 
 
+def zeros_for_recipe(recipe: Recipe, file: YamlFile, rig: Rig, rig_path: Path, now: datetime) -> Iterator[Fault]:
+    """Which arms were aligned longer ago than a recipe allows, at the recipe's own lines."""
+    if recipe.calibration_max_age_days is None:
+        return
+    measured = {role: text for role in _ARMS if (text := rig.axes()[role].zero_measured) is not None}
+    if recipe.calibration is None and not measured:
+        yield file.fault(
+            ("calibration_max_age_days",),
+            f"has nothing to be about: the recipe names no calibration, and in {rig_path} no arm has zero_measured",
+        )
+    for role, text in measured.items():
+        age = now - datetime.fromisoformat(text)
+        if age > timedelta(days=recipe.calibration_max_age_days) or age < -_CLOCKS_APART:
+            yield file.fault(
+                ("calibration_max_age_days",),
+                f"got {recipe.calibration_max_age_days:g}, but the zero of {role} in {rig_path} was measured "
+                f"{age.total_seconds() / 86400:.1f} days ago, on {text}. Align the arm anew with goniometer align, or "
+                "look at this computer's clock",
+            )
+
+
 def calibration_recipe_on_rig(recipe: CalibrationRecipe, file: YamlFile, rig: Rig, rig_path: Path) -> Iterator[Fault]:
     """Whatever the recipe of a calibration asks that its rig cannot do, at the recipe's own lines."""
     yield from exposure_faults(recipe.exposure_s, file, rig, rig_path)

@@ -9,7 +9,12 @@ from pathlib import Path
 from acquisition.calibrated_slots import SlotCalibration
 from acquisition.calibration_recipe import CalibrationRecipe
 from acquisition.recipe import Recipe
-from goniometer.calibration_checks import calibration_for_recipe, calibration_recipe_on_rig, reference_in_scene
+from goniometer.calibration_checks import (
+    calibration_for_recipe,
+    calibration_recipe_on_rig,
+    reference_in_scene,
+    zeros_for_recipe,
+)
 from goniometer.cross_checks import path_on_rig, recipe_on_rig, recipe_on_scene, scene_on_rig, time_limit_on_rig
 from goniometer.load_report import Report, likeness
 from goniometer.rig_file import Rig
@@ -88,8 +93,10 @@ def load_recipe(path: Path, rig_path: Path | None = None) -> Setup:
         report.faults += scene_on_rig(scene, scene_file, rig, rig_file.path)
     if recipe and scene and scene_file:
         report.faults += recipe_on_scene(recipe, recipe_file, scene, scene_file.path)
+    now = datetime.now(UTC)
+    if recipe and rig and rig_file:
+        report.faults += zeros_for_recipe(recipe, recipe_file, rig, rig_file.path, now)
     if recipe and rig and calibration and calibration_file:
-        now = datetime.now(UTC)
         report.faults += calibration_for_recipe(recipe, recipe_file, rig, calibration, calibration_file.path, now)
     if recipe and rig and rig_file and not report.faults:
         report.faults += time_limit_on_rig(recipe, recipe_file, rig, rig_file.path)

@@ -7,7 +7,6 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from datetime import datetime
-from functools import partial
 from pathlib import Path
 
 import yaml
@@ -21,13 +20,13 @@ from acquisition.readings import Reading, StokesPoint
 from acquisition.recipe import Recipe
 from acquisition.stokes_csv import write_stokes_csv
 from acquisition.whole_file import written_whole
-from goniometer.calibrating.shared_error import with_shared_error
 from goniometer.errors import FitError, JournalError, ReductionError
 from goniometer.fitted_curve import fitted_curve
 from goniometer.fitting.as_json import fit_json
 from goniometer.planning import reduction
 from goniometer.report import draw_report
 from goniometer.rig_file import Rig
+from goniometer.shared_errors import refits, with_shared_errors
 from model.fit import FitResult, SurfaceFamily, fit
 from sim_devices.scene import Scene
 
@@ -157,17 +156,10 @@ def stored_run(folder: str | Path) -> StoredRun:
     try:
         with named_in_degrees():
             result = fit(dataset(run.points, run.folder.name), _family(run), **fit_arguments(choice))
-            if run.calibration is not None:
-                result = with_shared_error(result, run.calibration, partial(refitted, run))
+            result = with_shared_errors(result, refits(run))
     except FitError as error:
         refusal = str(error)
     return StoredRun(**vars(run), fit=result, refusal=refusal, truth=scene_truth(run.about["scene"]))
-
-
-def refitted(run: MeasuredRun, calibration: SlotCalibration, start: dict[str, float]) -> FitResult:
-    """The fit of the same readings reduced with another calibration."""
-    points = reduction(run.recipe, run.rig, calibration).scan(run.readings)
-    return fit(dataset(points, run.folder.name), _family(run), start=start, **fit_arguments(run.recipe.fit))
 
 
 def scene_truth(scene_text: str) -> dict[str, float]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from datetime import datetime
 from pathlib import Path
 from typing import Literal
 
@@ -14,7 +15,7 @@ from drivers.motion import refuse_outside
 from goniometer.bench_commands.measuring import USUAL_EXPOSURE_S, select, take_reading_w, whole_samples_s
 from goniometer.bench_commands.open_bench import OpenBench, Tell, open_bench
 from goniometer.bench_commands.peak import Floats, Peak, fit_peak
-from goniometer.bench_commands.rewritten_rig import store_zero, zero_line
+from goniometer.bench_commands.rewritten_rig import MeasuredZero, store_zero
 from goniometer.errors import ConfigurationError
 from goniometer.plus_minus import plus_minus
 
@@ -43,6 +44,8 @@ class Alignment:
         tolerance within which the other arm stands, and the mirror's roughness.
     scan : tuple of tuple of float
         Angle in degrees, and mean power and its standard deviation in W, of every point.
+    measured : str
+        When, in ISO 8601 with the time zone.
     stored : bool
         Whether the rig file has the new zero.
     """
@@ -54,7 +57,13 @@ class Alignment:
     zero_deg: float
     uncertainty_deg: float
     scan: tuple[tuple[float, float, float], ...]
+    measured: str
     stored: bool
+
+    @property
+    def zero(self) -> MeasuredZero:
+        """What a rig file says of it."""
+        return MeasuredZero(self.zero_deg, self.uncertainty_deg, self.measured)
 
     def __str__(self) -> str:
         peak = self.peak
@@ -135,20 +144,20 @@ def align(
     angle_deg, power_w, stddev_w = np.array(scan).T
     peak = fit_peak(angle_deg, power_w, _smoothed_stddev_w(power_w, stddev_w))
     zero_deg = old_zero_deg + peak.centre_deg - mirror_deg
-    if store:
-        store_zero(rig_path, arm, zero_deg)
     uncertainty_deg = math.hypot(peak.uncertainty_deg, standing_deg, _roughness_deg(peak, mirror_deg))
-    return Alignment(arm, mirror_deg, peak, old_zero_deg, zero_deg, uncertainty_deg, tuple(scan), store)
+    now = datetime.now().astimezone().isoformat(timespec="seconds")
+    found = Alignment(arm, mirror_deg, peak, old_zero_deg, zero_deg, uncertainty_deg, tuple(scan), now, store)
+    if store:
+        store_zero(rig_path, arm, found.zero)
+    return found
 
 
 def advice(found: Alignment, rig_path: Path) -> str:
     """What was, or is to be, done with the rig file."""
     if found.stored:
-        return f"{rig_path}: wrote {zero_line(found.zero_deg)} for {found.arm}, which was {found.old_zero_deg:g}"
-    return (
-        f"Nothing was stored. Write this line for {found.arm} into {rig_path}, or add --store:\n"
-        f"        {zero_line(found.zero_deg)}"
-    )
+        return f"{rig_path}: wrote for {found.arm}, whose zero_deg was {found.old_zero_deg:g}, {found.zero}"
+    keys = "\n".join(f"        {key}: {value}" for key, value in found.zero.keys.items())
+    return f"Nothing was stored. Write these lines for {found.arm} into {rig_path}, or add --store:\n{keys}"
 
 
 def _roughness_deg(peak: Peak, mirror_deg: float) -> float:

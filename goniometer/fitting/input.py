@@ -22,6 +22,7 @@ from goniometer.fitting.doubts import doubts
 from goniometer.load_files import load_rig
 from goniometer.rig_file import Rig
 from goniometer.run_folder import measured, scene_truth
+from goniometer.shared_errors import refits
 from goniometer.yaml_file import read_yaml
 from model.fit import Dataset, FitResult, fit
 from model.fit.ellipsometric import Ellipsometric
@@ -36,8 +37,8 @@ _SMOOTH = 0.01
 
 
 _SHARED = (
-    "All directions share the error of the analyzer's calibration. This fit takes them as independent, and so its "
-    "standard errors may be too small; those of goniometer fit RUN, as the run's own recipe says, are not"
+    "All directions share the errors of the analyzer's calibration and of the arms' zeros. This fit leaves that out; "
+    "its standard errors may be too small; those of goniometer fit RUN, as the run's own recipe says, are not"
 )
 
 
@@ -91,7 +92,7 @@ def read_input(path: Path) -> FitInput:
         run = measured(path)
         data = dataset(run.points, run.folder.name)
         truth = scene_truth(run.about["scene"])
-        notes = run.doubts if run.calibration is None else (*run.doubts, _SHARED)
+        notes = (*run.doubts, _SHARED) if any(refits(run)) else run.doubts
         return FitInput(run.folder, data, run.recipe.fit, run.rig.calibration.acceptance_sr, truth, notes)
     if not path.exists():
         raise JournalError(f"{path} does not exist. Name a run's folder, a NeXus file (.nxs) or a table (.csv).")

@@ -10,6 +10,7 @@ from typing import Annotated, ClassVar, Literal, Self
 from pydantic import Field, model_validator
 
 from acquisition.analyzer_matrix import AnalyzerState
+from acquisition.measured_time import time_fault
 from acquisition.section import Section, SectionFault, refuse_all
 from acquisition.timing import AnalyzerTiming, AxisTiming, DetectorTiming
 from drivers.travel import Travel
@@ -99,6 +100,12 @@ class AxisEntry(Section):
     zero_deg: float = Field(
         default=0.0, ge=-360, le=360, description="what the stage reads where the axis is at 0, in degrees"
     )
+    zero_stderr_deg: float = Field(
+        default=0.0, ge=0, le=5, description="standard error of zero_deg, in degrees; 0: none that a fit should know of"
+    )
+    zero_measured: str | None = Field(
+        default=None, description="when zero_deg was measured, in ISO 8601 with the time zone, in quotes"
+    )
     backlash_deg: float = Field(
         default=0.0, ge=0, le=10, description="play of the gear: each target is approached upwards from so far below"
     )
@@ -113,8 +120,12 @@ class AxisEntry(Section):
 
     @model_validator(mode="after")
     def _check_limits(self) -> Self:
-        refuse_all(self._limit_faults())
+        refuse_all([*self._limit_faults(), *self._zero_faults()])
         return self
+
+    def _zero_faults(self) -> Iterator[SectionFault]:
+        if self.zero_measured is not None and (fault := time_fault(self.zero_measured)):
+            yield ("zero_measured",), fault
 
     def _limit_faults(self) -> Iterator[SectionFault]:
         low, high = self.limits_deg

@@ -145,7 +145,7 @@ def days_ago(days):
         ({"offset_deg": 90.0}, r"\(offset_deg 90\); those of the rig file hold"),
         ({"slots": None}, "slots"),
         ({"recipe_changes": {"calibration_max_age_days": None}}, "needs calibration_max_age_days beside it"),
-        ({"recipe_changes": {"calibration": None}}, "needs calibration beside it"),
+        ({"recipe_changes": {"calibration": None}}, "has nothing to be about"),
         ({"recipe_changes": {"calibration": "../calibrations/none.yaml"}}, "does not exist"),
     ],
 )

@@ -9,7 +9,6 @@ world, go over hundreds.
 import math
 from dataclasses import replace
 from datetime import UTC, datetime
-from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -22,13 +21,13 @@ from acquisition.calibration_recipe import calibration_steps
 from acquisition.fit_points import dataset, fit_arguments, surface_family
 from acquisition.readings import Reading
 from goniometer.calibrating.command import calibrate
-from goniometer.calibrating.shared_error import with_shared_error
 from goniometer.calibrating.solve import solved
 from goniometer.calibrating.stored_scan import StoredScan, stored_scan
 from goniometer.load_files import load_calibration_recipe, load_recipe
 from goniometer.planning import plan, reduction, slots, timing
-from goniometer.run_folder import MeasuredRun, measured, refitted
+from goniometer.run_folder import MeasuredRun, measured
 from goniometer.run_recipe import run
+from goniometer.shared_errors import refits, with_shared_errors
 from model.fit import fit
 from model.lobes import Diffuse, Directional, Specular
 from model.surface import Surface
@@ -216,7 +215,7 @@ def test_over_100_seeds_the_intervals_of_a_fit_hold_the_truth_although_direction
         alone = fit(dataset(points), family, **fit_arguments(recipe.fit))
         for fitted, collected in (
             (alone, apart),
-            (with_shared_error(alone, calibration, partial(refitted, run_of_seed)), together),
+            (with_shared_errors(alone, refits(run_of_seed)), together),
         ):
             collected.append(
                 [(fit_of.value - truth[name]) / fit_of.stderr for name, fit_of in fitted.parameters.items()]

@@ -4,6 +4,7 @@ import itertools
 import math
 import stat
 import sys
+from datetime import UTC, datetime, timedelta
 
 import pytest
 import yaml
@@ -12,11 +13,12 @@ from numpy.testing import assert_allclose
 from goniometer.bench_commands.align import advice, align
 from goniometer.bench_commands.measuring import take_reading_w
 from goniometer.bench_commands.move import move
-from goniometer.bench_commands.rewritten_rig import store_zero, with_zero
+from goniometer.bench_commands.rewritten_rig import MeasuredZero, store_zero, with_zero
 from goniometer.errors import CollisionError, ConfigurationError, DeviceFaultError, FitError, LimitError
 from goniometer.load_files import load_rig
 
 OTHER = {"source_arm": "detector_arm", "detector_arm": "source_arm"}
+NOON = "2026-01-31T12:00:00+00:00"
 PLAIN = "velocity_deg_s: 1, acceleration_deg_s2: 1, settle_s: 0, tolerance_deg: 1"
 FLOW = f"""\
 rig: bench   # ours
@@ -56,7 +58,10 @@ def test_a_zero_that_is_wrong_in_the_rig_file_is_found_and_stored(serve, told, a
     assert abs(found.zero_deg) < 3 * found.uncertainty_deg < 0.05
     assert_allclose(found.peak.centre_deg, 30 - wrong_deg, atol=0.02)
     assert load_rig(bench.rig).axes()[arm].zero_deg == pytest.approx(found.zero_deg, abs=1e-5)
-    assert f"which was {wrong_deg:g}" in advice(found, bench.rig)
+    assert f"whose zero_deg was {wrong_deg:g}" in advice(found, bench.rig)
+    stored = load_rig(bench.rig).axes()[arm]
+    assert_allclose(stored.zero_stderr_deg, found.uncertainty_deg, atol=1e-5)
+    assert abs(datetime.now(UTC) - datetime.fromisoformat(stored.zero_measured)) < timedelta(minutes=10)
     again = aligned(bench, arm, told)
     assert_allclose(again.peak.centre_deg, 30, atol=0.001)
     assert_allclose(again.zero_deg, found.zero_deg, atol=0.001)
@@ -181,9 +186,10 @@ def test_only_the_zero_changes_in_the_rig_file(tmp_path, role, line_end, mark):
     path = tmp_path / "rig.yaml"
     path.write_bytes(mark + FLOW.replace("\n", line_end).encode())
     before = load_rig(path)
-    store_zero(path, role, -0.123456)
+    store_zero(path, role, MeasuredZero(-0.123456, 0.004, NOON))
     after = load_rig(path)
-    assert after.axes()[role].zero_deg == -0.12346
+    axis = after.axes()[role]
+    assert (axis.zero_deg, axis.zero_stderr_deg, axis.zero_measured) == (-0.12346, 0.004, NOON)
     assert {name: axis.zero_deg for name, axis in after.axes().items() if name != role} == {
         name: axis.zero_deg for name, axis in before.axes().items() if name != role
     }
@@ -191,8 +197,10 @@ def test_only_the_zero_changes_in_the_rig_file(tmp_path, role, line_end, mark):
     assert content.startswith(mark)
     assert content.count(b"\n") == content.count(line_end.encode())
     changed = content.removeprefix(mark).decode().replace(line_end, "\n")
-    kept = changed.replace("zero_deg: -0.12346, axis", "axis").replace("        zero_deg: -0.12346\n", "")
-    assert kept.replace("{axis: 3", "{zero_deg: 0.25, axis: 3") == FLOW
+    for key, value in (("zero_stderr_deg", "0.00400"), ("zero_measured", f"'{NOON}'"), ("zero_deg", "-0.12346")):
+        assert f"{key}: {value}" in changed
+        changed = changed.replace(f"{key}: {value}, ", "").replace(f"        {key}: {value}\n", "")
+    assert changed.replace("{axis: 3", "{zero_deg: 0.25, axis: 3") == FLOW
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="modes of this kind exist on POSIX only")
@@ -201,7 +209,7 @@ def test_a_stored_file_keeps_its_mode_and_what_a_link_leads_to(tmp_path):
     path.write_text(FLOW)
     path.chmod(0o640)
     link.symlink_to(path)
-    store_zero(link, "source_arm", 1.0)
+    store_zero(link, "source_arm", MeasuredZero(1.0, 0.1, NOON))
     assert link.is_symlink()
     assert stat.S_IMODE(path.stat().st_mode) == 0o640
     assert load_rig(path).axes()["source_arm"].zero_deg == 1.0
@@ -214,14 +222,14 @@ def test_a_file_that_would_mean_anything_else_is_left_as_it_is(tmp_path, monkeyp
     )
     path = tmp_path / "rig.yaml"
     path.write_text(FLOW)
-    with pytest.raises(ConfigurationError, match=r"Write this line for source_arm: zero_deg: 1\.00000"):
-        store_zero(path, "source_arm", 1.0)
+    with pytest.raises(ConfigurationError, match=r"Write these keys of source_arm: zero_deg: 1\.00000, zero_stderr"):
+        store_zero(path, "source_arm", MeasuredZero(1.0, 0.1, NOON))
     assert path.read_text() == FLOW
     assert list(tmp_path.iterdir()) == [path]
 
 
 def test_a_value_on_a_line_of_its_own_is_replaced():
     text = FLOW.replace("        settle_s: 0\n", "        settle_s: 0\n        zero_deg:  # old\n          3\n")
-    changed = with_zero(text, "detector_arm", 2.0)
+    changed = with_zero(text, "detector_arm", MeasuredZero(2.0, 0.1, NOON))
     assert yaml.safe_load(changed)["devices"]["arms"]["axes"]["detector_arm"]["zero_deg"] == 2.0
     assert yaml.safe_load(changed) != yaml.safe_load(text)
