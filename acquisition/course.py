@@ -30,6 +30,10 @@ class Course(Protocol):
         """The steps up to the end of the next direction, when these points are measured; none at the scan's end."""
         ...
 
+    def has_measured(self, so_far: Callable[[], StokesPoint]) -> bool:
+        """Whether the last steps have measured their direction, which reduces to `so_far`, or others go on with it."""
+        ...
+
 
 class Listed:
     """All steps as they were planned, up to the end of one direction after the other."""
@@ -53,6 +57,10 @@ class Listed:
             return ()
         begin, self._done = self._done, self._ends.popleft()
         return self._steps[begin : self._done]
+
+    def has_measured(self, so_far: Callable[[], StokesPoint]) -> bool:
+        """Every stretch ends with its direction."""
+        return True
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,7 @@ def in_break(found: LampBreak, readings: Sequence[Reading]) -> str:
     """Which readings are in doubt for what two references show, and why."""
     concerned = [reading for reading in readings if reading.kind == "signal" and found.holds(reading.time_s)]
     return (
-        f"At {_named([reading.point for reading in concerned])} ({len(concerned)} readings) the lamp level cannot be "
+        f"At {named([reading.point for reading in concerned])} ({len(concerned)} readings) the lamp level cannot be "
         f"followed: {found.why}. The readings are stored, and are left out of every result. Look at the lamp and at "
         "what may stand in the beam, then measure these directions again"
     )
@@ -25,7 +25,7 @@ def unfinished(points: Sequence[int]) -> str:
     if not points:
         return ""
     return (
-        f"The scan was cut off before {_named(points)} {'were' if len(set(points)) > 1 else 'was'} finished; the "
+        f"The scan was cut off before {named(points)} {'were' if len(set(points)) > 1 else 'was'} finished; the "
         f"{len(points)} readings there are stored, and are left out of every result"
     )
 
@@ -40,7 +40,7 @@ def behind_last_reference(lamp: LampLevel, readings: Sequence[Reading]) -> str:
     if not unwatched:
         return ""
     return (
-        f"No reference was read after {_named(unwatched)}: the lamp is taken to be as bright there as at the last one, "
+        f"No reference was read after {named(unwatched)}: the lamp is taken to be as bright there as at the last one, "
         f"{lamp.times_s[-1]:.1f} s on the bench's clock"
     )
 
@@ -55,7 +55,7 @@ def without_light(points: Sequence[StokesPoint]) -> str:
     )
 
 
-def _named(points: Sequence[int]) -> str:
+def named(points: Sequence[int]) -> str:
     """Points in words, such as ``points 2 to 5, 9``."""
     stretches: list[str] = []
     ordered = sorted(set(points))

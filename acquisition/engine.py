@@ -15,6 +15,7 @@ from acquisition.lost_links import LostLinks
 from acquisition.placement import Placement
 from acquisition.protocols import Analyzer, Detector, HomingAxis
 from acquisition.readout import Readout
+from acquisition.signal_to_noise import Enough, as_planned
 from acquisition.stopping import stop_all
 from acquisition.time_left import TimeLeft
 from acquisition.timing import POLL_S
@@ -113,6 +114,8 @@ class Engine:
         Called between any two waits; raises to end the scan.
     time_left : TimeLeft
         How long the rest of the scan takes.
+    enough : callable
+        Says when a step has its readings; without it, when it has as many as were planned.
     """
 
     def __init__(
@@ -123,13 +126,14 @@ class Engine:
         publish: Callable[[Event], None],
         check: Callable[[], None],
         time_left: TimeLeft,
+        enough: Enough = as_planned,
     ) -> None:
         self._bench, self._clock, self._journal = bench, clock, journal
         self._publish, self._check, self._time_left = publish, check, time_left
         self._placement = Placement(bench, clock, self._wait)
         self._links = LostLinks(bench, clock, self._wait, self._begin_again)
         self._links_restored = 0
-        self._readout = Readout(bench, clock, journal, publish, self._placement, self._wait)
+        self._readout = Readout(bench, clock, journal, publish, self._placement, self._wait, enough)
 
     @property
     def readings_taken(self) -> int:
@@ -203,7 +207,7 @@ class Engine:
             self._check()
             self._links.begin_step()
             taken = self._readout.readings_taken
-            while self._readout.readings_taken < taken + step.readings:
+            while not self._readout.has_all(step, taken):
                 self._links.through(partial(self._readout.take, step, taken, after))
                 after = None  # a reading was in doubt: the bench stays until one is not
             self._time_left.step_done(step.duration_s)

@@ -17,8 +17,8 @@ class ScanStarted:
     """The bench is ready and the first step is about to begin.
 
     `notes` are what devices said on connecting that a person should know, `truth` the parameters of a simulated sample.
-    A scan that decides as it goes has an `aim`; then nobody knows the numbers of points and readings, and
-    `expected_duration_s` is the longest that it may take.
+    A scan that decides as it goes has an `aim`; then nobody knows the number of readings, nor, where a fit decides, of
+    points, and `expected_duration_s` is the longest that it may take.
     """
 
     run: str
@@ -86,6 +86,15 @@ class PointReduced:
 
 
 @dataclass(frozen=True)
+class NotReached:
+    """The readings of a direction have not reached what the recipe wants of them, for all that it allows."""
+
+    point: int
+    exit_deg: float
+    what: str
+
+
+@dataclass(frozen=True)
 class FitUpdated:
     """The live fit has taken in all points up to `points`."""
 
@@ -141,6 +150,7 @@ Event = (
     | ReadingStored
     | LinkRestored
     | PointReduced
+    | NotReached
     | FitUpdated
     | FitRefused
     | DirectionChosen

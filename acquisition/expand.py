@@ -17,7 +17,7 @@ from acquisition.steps import Step as Step
 from acquisition.steps import Target as Target
 from acquisition.timing import BenchTiming
 from acquisition.visits import Visits as Visits
-from acquisition.visits import shortest_tour
+from acquisition.visits import tours
 
 
 @dataclass(frozen=True)
@@ -65,7 +65,8 @@ class _Listed:
 
     def __init__(self, recipe: Recipe, slots: Slots, timing: BenchTiming) -> None:
         self._recipe, self._timing = recipe, timing
-        self._tour = shortest_tour(recipe, slots, timing.analyzer)
+        self._tours = tours(recipe, slots, timing.analyzer)
+        self._tour = self._tours[0]
         self._visits = Visits(recipe, slots, timing)
         self._moving_s = Moving(timing)
 
@@ -117,8 +118,8 @@ class _Listed:
 
     def _swept(self, block: Sequence[Direction], here: Target) -> Iterator[Step]:
         """The steps of a block: from whichever end and whichever slot is reached sooner, and then forth and back."""
-        recipe, tour = self._recipe, self._tour
-        ways = [(order, stops) for order in (block, block[::-1]) for stops in (tour, tour[::-1])]
+        recipe = self._recipe
+        ways = [(order, stops) for order in (block, block[::-1]) for stops in self._tours]
         block, tour = min(ways, key=lambda way: self._moving_s(here, way[0][0].through(way[1][0][0])))
         reading_s, exposure_s = self._timing.reading_s(recipe.exposure_s), recipe.exposure_s
         taking_s = [self._readings_s(direction.readings) for direction in block]

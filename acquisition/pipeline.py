@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from acquisition.events import Event, PointReduced, ReadingStored, ScanDoubted, ScanEnded, Subscriber
+from acquisition.averaged import Averaged
+from acquisition.events import Event, NotReached, PointReduced, ReadingStored, ScanDoubted, ScanEnded, Subscriber
 from acquisition.live_fit import LiveFit
 from acquisition.readings import Reading, StokesPoint
 from acquisition.reduce import Reduction
@@ -24,10 +25,19 @@ class Pipeline:
         Where the points go.
     subscribers : sequence of callable
         Who is told.
+    averaged : Averaged, optional
+        Says whether readings have reached what they were to reach.
     """
 
-    def __init__(self, reduction: Reduction, live_fit: LiveFit | None, subscribers: Sequence[Subscriber]) -> None:
+    def __init__(
+        self,
+        reduction: Reduction,
+        live_fit: LiveFit | None,
+        subscribers: Sequence[Subscriber],
+        averaged: Averaged | None = None,
+    ) -> None:
         self._reduction, self._live_fit, self._subscribers = reduction, live_fit, subscribers
+        self._averaged = averaged
         self._readings: list[Reading] = []
         self._of_points: dict[int, list[Reading]] = {}
         self._references: list[Reading] = []
@@ -54,12 +64,26 @@ class Pipeline:
             doubts = self._reduction.warnings(self._readings, self.points)
         except ReductionError:
             return  # it has been raised when the point ended, and is why the scan ends
+        if self._averaged is not None:
+            doubts += self._averaged.doubts(self._readings, self.points)
         if doubts:
             self._tell(ScanDoubted(doubts))
 
     def _tell(self, event: Event) -> None:
         for subscriber in self._subscribers:
             subscriber(event)
+
+    def so_far(self) -> StokesPoint:
+        """What the direction of the last reading reduces to as yet.
+
+        Raises
+        ------
+        ReductionError
+            As `end_point` does.
+        """
+        lamp = self._reduction.lamp_level(self._of_lamp())
+        self._reduction.require_lamp(lamp, self._readings)
+        return self._reduction.point(self._of_points[self._readings[-1].point], lamp)
 
     def end_point(self) -> None:
         """Reduce the direction of the last reading: it is complete, or the reference that closes the scan is.
@@ -80,6 +104,8 @@ class Pipeline:
         point = self._reduction.point(complete, lamp)
         self.points = (*self.points, point)
         self._tell(PointReduced(point))
+        if self._averaged is not None and (what := self._averaged.shortfall(complete, point)):
+            self._tell(NotReached(point.point, point.exit_deg, what))
         if self._live_fit is not None:
             self._live_fit.submit(self.points)
 

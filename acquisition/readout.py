@@ -14,6 +14,7 @@ from acquisition.expand import Step, Target
 from acquisition.journal import Journal
 from acquisition.placement import Placement
 from acquisition.readings import Reading
+from acquisition.signal_to_noise import Enough, as_planned
 from acquisition.timing import DUE_POLL_S, READING_POLL_S
 from drivers.clock import Clock
 from goniometer.errors import DeviceError
@@ -48,6 +49,8 @@ class Readout:
         Brings the bench where a step wants it.
     wait : callable
         Lets time pass; raises to end the scan.
+    enough : callable
+        Says when a step has its readings.
 
     Attributes
     ----------
@@ -63,10 +66,17 @@ class Readout:
         publish: Callable[[Event], None],
         placement: Placement,
         wait: Callable[[float], None],
+        enough: Enough = as_planned,
     ) -> None:
         self._detector, self._clock, self._journal = bench.detector, clock, journal
         self._publish, self._placement, self._wait = publish, placement, wait
+        self._enough, self._of_step = enough, list[float]()
         self.readings_taken = 0
+
+    def has_all(self, step: Step, before: int) -> bool:
+        """Whether a step has its readings, when so many were stored before it."""
+        del self._of_step[self.readings_taken - before :]
+        return self._enough(step, self._of_step)
 
     def take(self, step: Step, before: int, after: Target | None) -> None:
         """Take the readings that a step still wants, where it wants them.
@@ -89,7 +99,7 @@ class Readout:
         ScanInterrupted
             When waiting says so.
         """
-        if self.readings_taken - before == step.readings:
+        if self.has_all(step, before):
             return  # the link was lost behind the last reading
         self._placement.arrive(step.target)
         taken: Reading | None = None
@@ -105,9 +115,14 @@ class Readout:
             if self._is_taken_again() and leaves:
                 return
             taken = _reading(step, repeat, time_s, angles_deg, self._detector.power_w())
+            is_enough = self._enough(step, [*self._of_step, taken.power_w])
+            if is_enough and not is_last and after is not None:
+                failure = self._departure(after)
             if failure is not None:
                 self._keep(taken)
                 raise failure
+            if is_enough:
+                break
         if taken is not None:
             self._keep(taken)
 
@@ -147,6 +162,7 @@ class Readout:
         self._placement.require_slot(reading.slot)
         self._journal.append(reading)
         self.readings_taken += 1
+        self._of_step.append(reading.power_w)
         self._publish(ReadingStored(reading))
 
 
@@ -155,7 +171,7 @@ def _reading(step: Step, repeat: int, time_s: float, angles_deg: tuple[float, ..
     return Reading(
         point=step.point,
         kind=step.kind,
-        repeat=repeat,
+        repeat=step.first_repeat + repeat,
         time_s=time_s,
         incidence_deg=incidence_deg,
         exit_deg=exit_deg,

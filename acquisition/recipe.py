@@ -9,6 +9,8 @@ from typing import Annotated, Any, Self, get_args
 from pydantic import AfterValidator, Field, ValidationInfo, field_validator, model_validator
 
 from acquisition.analyzer_matrix import check_analyzer_set
+from acquisition.averaging import MAX_READINGS as MAX_READINGS
+from acquisition.averaging import Averaging, HowOften
 from acquisition.exit_angles import MAX_DIRECTIONS, ExitAngle, ExitRange
 from acquisition.exit_angles import WIDEST_EXIT_DEG as WIDEST_EXIT_DEG
 from acquisition.fit_choice import FitChoice as FitChoice
@@ -16,9 +18,7 @@ from acquisition.fit_choice import ParameterName
 from acquisition.lamp_level import LARGEST_CHANGE
 from acquisition.section import Section, SectionFault, refuse_all
 
-MAX_READINGS = 10_000
 AnalyzerAngle = Annotated[float, Field(ge=-360, le=360)]
-Readings = Annotated[int, Field(ge=1, le=MAX_READINGS)]
 
 StandardError = Annotated[float, Field(gt=0)]
 
@@ -104,8 +104,9 @@ class Recipe(Section):
     )
     dark: bool = Field(default=True, description="whether to read the blocked slot in every direction")
     reference: Reference | None = Field(default=None, description="readings that follow the lamp; leave out for none")
-    readings: Readings | Annotated[tuple[Readings, ...], Field(strict=False)] = Field(
-        description="number of readings in every slot, 1 to 10000; or a list with one number for each exit angle"
+    readings: HowOften = Field(
+        description="number of readings in every slot, 1 to 10000; or a list with one number for each exit angle; or a "
+        "group with at_least, at_most, and either signal_to_noise or dolp_error, which the readings are to reach"
     )
     exposure_s: float = Field(gt=0, le=3600, description="duration of one reading, in s")
     direction_within_s: float = Field(
@@ -199,8 +200,18 @@ class Recipe(Section):
 
     @property
     def is_steered(self) -> bool:
-        """Whether the scan decides as it goes where it measures, or when it ends."""
+        """Whether the scan decides as it goes where it measures, how often, or when it ends."""
+        return self.follows_fit or self.averaging is not None
+
+    @property
+    def follows_fit(self) -> bool:
+        """Whether a fit decides as the scan goes."""
         return self.adaptive or self.until is not None
+
+    @property
+    def averaging(self) -> Averaging | None:
+        """What the readings of every slot or direction are to reach; None for fixed numbers."""
+        return self.readings if isinstance(self.readings, Averaging) else None
 
     @property
     def wanted(self) -> dict[str, float]:
@@ -208,13 +219,19 @@ class Recipe(Section):
         return {str(name): error for name, error in (self.until or {}).items()}
 
     def _limit_faults(self) -> Iterator[SectionFault]:
-        if self.is_steered and self.time_limit_s is None:
+        if self.follows_fit and self.averaging is not None:
+            yield (
+                ("readings",),
+                "got a group of keys; a scan with until or adaptive decides by its fit how often it measures. "
+                f"Write the least number, {self.averaging.at_least}",
+            )
+        if self.follows_fit and self.time_limit_s is None:
             key = "adaptive" if self.until is None else "until"
             yield (
                 (key,),
                 "needs a time limit, at which the scan ends whatever it has found; add for example 'time_limit_s: 600'",
             )
-        if self.time_limit_s is not None and not self.is_steered:
+        if self.time_limit_s is not None and not self.follows_fit:
             yield (
                 ("time_limit_s",),
                 "is for a scan that decides by itself when to end; add until or adaptive, or leave it out",
@@ -263,7 +280,8 @@ class Recipe(Section):
         return self.exit_deg or ()
 
     def readings_of_angles(self) -> tuple[int, ...]:
-        """Return how many readings each exit angle gets in every slot, in the order of `exit_angles_deg`."""
+        """Return how many readings each exit angle gets in every slot, at most, in the order of `exit_angles_deg`."""
         if isinstance(self.readings, tuple):
             return self.readings
-        return (self.readings,) * len(self.exit_angles_deg())
+        most = self.readings.at_most if isinstance(self.readings, Averaging) else self.readings
+        return (most,) * len(self.exit_angles_deg())

@@ -85,6 +85,10 @@ class Steering:
         self._publish(DirectionChosen(len(points), visit.exit_deg, visit.readings, visit.why, standing))
         return steps
 
+    def has_measured(self, so_far: Callable[[], StokesPoint]) -> bool:
+        """Every direction is measured in one go."""
+        return True
+
     def _end(self, reason: str, points: Sequence[StokesPoint]) -> Sequence[Step]:
         self.reason, self._has_ended = reason, True
         return self._visits.closing(len(points) - 1, self._here) if points else ()

@@ -61,7 +61,11 @@ HOME = Target(0.0, 0.0, 0.0, 1)
 
 @dataclass(frozen=True)
 class Step:
-    """One place of the bench and the readings taken there, `reading_s` each of the whole `duration_s`."""
+    """One place of the bench and the readings taken there, `reading_s` each of the whole `duration_s`.
+
+    Where the scan averages until something is reached, `readings` is the most of them. `first_repeat` is how often the
+    slot was read in this direction before.
+    """
 
     point: int
     kind: ReadingKind
@@ -73,6 +77,7 @@ class Step:
     retarder_deg: float | None = None
     retardance_deg: float | None = None
     reading_s: float = 0.0
+    first_repeat: int = 0
 
     @property
     def analyzer(self) -> AnalyzerState:

@@ -7,6 +7,9 @@ from drivers.clock import Clock
 _TRUSTED_S = 10.0
 """Seconds of the scan so far that count as much as the plan does."""
 
+_TRUSTED_OF_LONGEST_S = 1.0
+"""The same where the plan is for the longest time, of which as a rule little is needed."""
+
 
 class TimeLeft:
     """Counts a scan's time down, and learns from how long steps truly take.
@@ -20,10 +23,13 @@ class TimeLeft:
     is_limit : bool
         Whether that is a time limit, of a scan that ends by itself: then what is left of it is left, however long steps
         take.
+    is_longest : bool
+        Whether it is the plan of the longest scan that a recipe allows, and most likely a good deal too long.
     """
 
-    def __init__(self, clock: Clock, duration_s: float, *, is_limit: bool = False) -> None:
+    def __init__(self, clock: Clock, duration_s: float, *, is_limit: bool = False, is_longest: bool = False) -> None:
         self._clock, self._duration_s, self._is_limit = clock, duration_s, is_limit
+        self._trusted_s = _TRUSTED_OF_LONGEST_S if is_longest else _TRUSTED_S
         self._begun_s: float | None = None
         self._done_s = 0.0
 
@@ -42,5 +48,5 @@ class TimeLeft:
         elapsed_s = self.elapsed_s()
         if self._is_limit:
             return max(self._duration_s - elapsed_s, 0.0)
-        pace = (elapsed_s + _TRUSTED_S) / (self._done_s + _TRUSTED_S)
+        pace = (elapsed_s + self._trusted_s) / (self._done_s + self._trusted_s)
         return max(self._duration_s - self._done_s, 0.0) * pace

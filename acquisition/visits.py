@@ -90,6 +90,20 @@ class Visits:
         return "reference", place, AnalyzerState()
 
 
+def tours(recipe: Recipe, slots: Slots, analyzer: AnalyzerTiming) -> tuple[list[Stop], list[Stop]]:
+    """The slots of one point in two orders, one opposite to the other.
+
+    Where each slot is read until it is known well enough, the dark slot is the last of both: how often it is read
+    follows from the others.
+    """
+    tour = shortest_tour(recipe, slots, analyzer)
+    if recipe.averaging is None or recipe.averaging.signal_to_noise is None or not recipe.dark:
+        return tour, tour[::-1]
+    dark = [stop for stop in tour if stop[1] == "dark"]
+    lit = shortest_tour(recipe.model_copy(update={"dark": False}), slots, analyzer)
+    return lit + dark, lit[::-1] + dark
+
+
 def shortest_tour(recipe: Recipe, slots: Slots, analyzer: AnalyzerTiming) -> list[Stop]:
     """The slots of one point in the order, round the wheel or along the angles, that takes the least time."""
     stops: list[Stop] = []

@@ -21,7 +21,7 @@ def describe_plan(setup: Setup) -> str:
     """What a recipe comes to, and its steps, a line a direction or a sweep, with the time at which each ends."""
     steps = beginning(setup.recipe, setup.rig)
     lines = [
-        *_heading(setup.recipe, steps),
+        *_heading(setup, steps),
         f"rig: {setup.rig.rig} ({setup.rig_path})",
         f"analyzer: {_told(steps)}",
         f"travel: {_travel(steps)}",
@@ -44,7 +44,8 @@ def _told(steps: Sequence[Step]) -> str:
     return f"S0 to S{matrix.shape[1] - 1}, condition number {np.linalg.cond(matrix):.3g}"
 
 
-def _heading(recipe: Recipe, steps: Sequence[Step]) -> list[str]:
+def _heading(setup: Setup, steps: Sequence[Step]) -> list[str]:
+    recipe = setup.recipe
     total_s = sum(step.duration_s for step in steps)
     amount = (
         f"{len({step.point for step in steps})} directions, {len(steps)} steps, "
@@ -52,7 +53,8 @@ def _heading(recipe: Recipe, steps: Sequence[Step]) -> list[str]:
     )
     if not recipe.is_steered:
         return [f"{recipe.recipe}: {amount}"]
-    return [f"{recipe.recipe}: {aim(recipe)}", f"{'at first' if recipe.adaptive else 'one pass'}: {amount}"]
+    known = "at first" if recipe.adaptive else "one pass" if recipe.follows_fit else "with the most readings"
+    return [f"{recipe.recipe}: {aim(recipe, setup.rig)}", f"{known}: {amount}"]
 
 
 def _travel(steps: Sequence[Step]) -> str:

@@ -17,6 +17,7 @@ from acquisition.events import (
     FitRefused,
     FitUpdated,
     LinkRestored,
+    NotReached,
     PointReduced,
     ScanStarted,
     Subscriber,
@@ -102,6 +103,8 @@ class PlainConsole:
                 self._say(f"  note: {event}")
             case PointReduced():
                 self._say(self._point(event.stokes_point))
+            case NotReached():
+                self._say(f"  note: not reached: {event.what}")
             case FitUpdated() if self._is_fit_line_due(event.points):
                 self._points_at_fit_line = event.points
                 rows = parameter_rows(event.result, {})

@@ -97,7 +97,10 @@ class LiveConsole:
         line.add_column(ratio=1)
         line.add_column()
         line.add_column(justify="right", style="bold")
-        if started.readings is None:
+        if started.points is not None and started.readings is None:
+            total, done = float(started.points), float(scan.points)
+            readings, left = f"{scan.readings} readings, {scan.points} of {started.points} points", "left"
+        elif started.readings is None:
             total, done = started.expected_duration_s, scan.bench_elapsed_s()
             readings, left = f"{scan.readings} readings", "left at most"
         else:

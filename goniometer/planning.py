@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from acquisition.adaptive import Adaptive, first_exits_deg
+from acquisition.averaged import Averaged
 from acquisition.calibrated_slots import SlotCalibration
 from acquisition.course import Choice, Course, Listed, passes
 from acquisition.events import Event
@@ -14,6 +15,8 @@ from acquisition.fit_points import surface_family
 from acquisition.lamp_level import LARGEST_CHANGE
 from acquisition.recipe import Recipe
 from acquisition.reduce import NoiseModel, Radiometry, Reduction
+from acquisition.rounds import Rounds
+from acquisition.signal_to_noise import Enough, SignalToNoise, as_planned
 from acquisition.steering import Steering
 from acquisition.timing import AxisTiming, BenchTiming
 from drivers.clock import Clock
@@ -23,8 +26,39 @@ from goniometer.rig_file import Rig
 
 
 def plan(recipe: Recipe, rig: Rig) -> tuple[Step, ...]:
-    """The steps of a recipe on a rig, every exit angle once, with their durations."""
+    """The steps of a recipe on a rig, every exit angle once, with their durations.
+
+    Where readings are to reach something, the steps have the most that they may take.
+    """
+    if recipe.averaging is not None and recipe.averaging.dolp_error is not None:
+        recipe = recipe.model_copy(update={"direction_within_s": 0.0})
     return expand(recipe, slots(rig), timing(rig))
+
+
+def span_s(recipe: Recipe, rig: Rig) -> tuple[float, float]:
+    """The least and the longest time that a recipe takes, but for one whose end a fit decides."""
+    steps = plan(recipe, rig)
+    longest_s = sum(step.duration_s for step in steps)
+    if recipe.averaging is None:
+        return longest_s, longest_s
+    if recipe.averaging.dolp_error is not None:
+        rounds = Rounds(steps, recipe.averaging, timing(rig), lambda saved_s: None)
+        return rounds.shortest_s(), rounds.longest_s()
+    reading_s, least = timing(rig).readings_s, recipe.averaging.at_least
+    spared_s = (reading_s(step.readings, step.exposure_s) - reading_s(least, step.exposure_s) for step in steps)
+    return longest_s - sum(spared_s), longest_s
+
+
+def enough(recipe: Recipe, rig: Rig) -> Enough:
+    """What says when a step has its readings."""
+    if recipe.averaging is None or recipe.averaging.signal_to_noise is None:
+        return as_planned
+    return SignalToNoise(recipe.averaging.signal_to_noise, recipe.averaging.at_least, detection(recipe, rig).noise)
+
+
+def averaged(recipe: Recipe, rig: Rig) -> Averaged | None:
+    """What compares the readings with what they are to reach; None for a recipe that wants fixed numbers."""
+    return None if recipe.averaging is None else Averaged(recipe.averaging, detection(recipe, rig).noise)
 
 
 def beginning(recipe: Recipe, rig: Rig) -> tuple[Step, ...]:
@@ -40,9 +74,16 @@ def beginning(recipe: Recipe, rig: Rig) -> tuple[Step, ...]:
     return tuple(steps)
 
 
-def course(recipe: Recipe, rig: Rig, clock: Clock, publish: Callable[[Event], None]) -> Course:
-    """The way a scan takes: the recipe's steps, or what it decides as it goes and then publishes."""
-    if not recipe.is_steered:
+def course(
+    recipe: Recipe, rig: Rig, clock: Clock, publish: Callable[[Event], None], saved: Callable[[float], None]
+) -> Course:
+    """The way a scan takes: the recipe's steps, or what it decides as it goes and then publishes.
+
+    `saved` is told the seconds of the longest plan that it turns out not to need.
+    """
+    if recipe.averaging is not None and recipe.averaging.dolp_error is not None:
+        return Rounds(plan(recipe, rig), recipe.averaging, timing(rig), saved)
+    if not recipe.follows_fit:
         return Listed(plan(recipe, rig))
     visits = Visits(recipe, slots(rig), timing(rig))
     family = surface_family(recipe.fit, rig.calibration.acceptance_sr)
@@ -52,8 +93,12 @@ def course(recipe: Recipe, rig: Rig, clock: Clock, publish: Callable[[Event], No
     return Steering(recipe, visits, family, choose, clock, publish)
 
 
-def aim(recipe: Recipe) -> str:
+def aim(recipe: Recipe, rig: Rig) -> str:
     """What a scan that decides as it goes is after; empty for one that takes the recipe's steps."""
+    if recipe.averaging is not None:
+        shortest_s, longest_s = span_s(recipe, rig)
+        directions = f"{len({step.point for step in plan(recipe, rig)})} directions"
+        return f"{directions}, {recipe.averaging}, {clock_text(shortest_s)} to {clock_text(longest_s)}"
     if recipe.time_limit_s is None:
         return ""
     way = "adaptive" if recipe.adaptive else "passes over the exit angles"

@@ -23,7 +23,7 @@ from acquisition.whole_file import written_whole
 from goniometer.errors import FitError, JournalError, ReductionError
 from goniometer.fitted_curve import fitted_curve
 from goniometer.fitting.as_json import fit_json
-from goniometer.planning import reduction
+from goniometer.planning import averaged, reduction
 from goniometer.report import draw_report
 from goniometer.rig_file import Rig
 from goniometer.shared_errors import refits, with_shared_errors
@@ -120,7 +120,10 @@ def measured(folder: str | Path) -> MeasuredRun:
         raise ReductionError(
             f"{folder} holds {len(readings)} readings and not one finished direction: there is nothing to reduce."
         )
-    return MeasuredRun(folder, recipe, rig, readings, points, about, reduced_by.doubts(readings, points), calibration)
+    doubts, reached = reduced_by.doubts(readings, points), averaged(recipe, rig)
+    if reached is not None:
+        doubts += reached.doubts(readings, points)
+    return MeasuredRun(folder, recipe, rig, readings, points, about, doubts, calibration)
 
 
 def remembered(folder: Path, about: Mapping[str, str]) -> tuple[Recipe, Rig, SlotCalibration | None]:

@@ -21,7 +21,7 @@ from drivers.clock import Clock
 from goniometer.assembly import connected
 from goniometer.bench import Speed, access
 from goniometer.load_files import Setup, load_recipe
-from goniometer.planning import aim, course, plan, reduction
+from goniometer.planning import aim, averaged, course, enough, plan, reduction, span_s
 from goniometer.provenance import provenance
 from goniometer.run_folder import StoredRun, new_run_folder, scene_truth, stored_run, write_results
 from goniometer.run_lock import sole_writer
@@ -116,16 +116,22 @@ def _measure(
         about = provenance(setup, bench_access.scene_text, begun)
         stored = stack.enter_context(Journal.create(folder / journal.FILE_NAME, about))
         fitting = None
-        if live_fit and not recipe.is_steered:
+        if live_fit and not recipe.follows_fit:
             family = surface_family(recipe.fit, rig.calibration.acceptance_sr)
             fitting = stack.enter_context(LiveFit(family, fit_arguments(recipe.fit)))
-        pipeline = Pipeline(reduction(recipe, rig, setup.calibration), fitting, subscribers)
+        reducing = reduction(recipe, rig, setup.calibration)
+        pipeline = Pipeline(reducing, fitting, subscribers, averaged(recipe, rig))
         stack.enter_context(_switching_threads_often())
         started = _started(setup, str(folder), bench_access.scene_text, bench.notes)
         pipeline.publish(started)
-        way = course(recipe, rig, clock, pipeline.publish)
-        time_left = TimeLeft(clock, started.expected_duration_s, is_limit=recipe.is_steered)
-        engine = Engine(bench, clock, stored, pipeline.publish, interruption.check, time_left)
+        time_left = TimeLeft(
+            clock,
+            started.expected_duration_s,
+            is_limit=recipe.follows_fit,
+            is_longest=recipe.averaging is not None,
+        )
+        way = course(recipe, rig, clock, pipeline.publish, time_left.step_done)
+        engine = Engine(bench, clock, stored, pipeline.publish, interruption.check, time_left, enough(recipe, rig))
         try:
             _scan(engine, bench, way, clock, pipeline)
         except BaseException as error:
@@ -147,16 +153,16 @@ def _remove_if_empty(folder: Path) -> None:
 def _started(setup: Setup, folder: str, scene_text: str, notes: tuple[str, ...]) -> ScanStarted:
     """What is known of a scan at its beginning."""
     recipe = setup.recipe
-    steps = None if recipe.is_steered else plan(recipe, setup.rig)
+    steps = None if recipe.follows_fit else plan(recipe, setup.rig)
     return ScanStarted(
         run=folder,
         recipe=recipe.recipe,
         points=None if steps is None else len({step.point for step in steps}),
-        readings=None if steps is None else sum(step.readings for step in steps),
-        expected_duration_s=recipe.time_limit_s or sum(step.duration_s for step in steps or ()),
+        readings=None if steps is None or recipe.is_steered else sum(step.readings for step in steps),
+        expected_duration_s=recipe.time_limit_s or span_s(recipe, setup.rig)[1],
         truth=scene_truth(scene_text),
         notes=notes,
-        aim=aim(recipe),
+        aim=aim(recipe, setup.rig),
     )
 
 
@@ -172,7 +178,8 @@ def _scan(engine: Engine, bench: Bench, way: Course, clock: Clock, pipeline: Pip
             start_s = clock.now()
             while steps := way.next(pipeline.points):
                 engine.run(steps, way.ahead)
-                pipeline.end_point()
+                if way.has_measured(pipeline.so_far):
+                    pipeline.end_point()
     except BaseException as error:
         try:
             tell_end(str(error) or type(error).__name__, as_asked=False)

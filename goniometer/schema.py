@@ -62,6 +62,8 @@ def resolved(root: Node, node: Node) -> Node:
 def chosen(root: Node, node: Node, option: Any) -> Node:
     """The member of a discriminated union that `option` names; other nodes are returned as they are."""
     reference = node.get("discriminator", {}).get("mapping", {}).get(option)
+    if not reference and {"$ref": f"#/$defs/{option}"} in node.get("oneOf", []):
+        reference = f"#/$defs/{option}"
     return resolved(root, {"$ref": reference}) if reference else node
 
 

@@ -79,11 +79,11 @@ def scanned(name: str, faults: Sequence[dict[str, Any]], seed: int) -> Outcome:
     with tempfile.TemporaryDirectory(prefix="faults") as folder, bench:
         with Journal.create(Path(folder) / "journal.sqlite", {}) as journal, watched(scene) as outcome.struck:
             pipeline = Pipeline(reduction(scan.recipe, scan.rig), None, [show])
-            way = course(scan.recipe, scan.rig, clock, pipeline.publish)
-            duration_s = sum(step.duration_s for step in plan(scan.recipe, scan.rig))
+            time_left = TimeLeft(clock, sum(step.duration_s for step in plan(scan.recipe, scan.rig)))
+            way = course(scan.recipe, scan.rig, clock, pipeline.publish, time_left.step_done)
             try:
                 with assembly.connected(scan.rig, scan.ports(bench), clock, 550.0) as devices:
-                    engine = Engine(devices, clock, journal, pipeline.publish, check, TimeLeft(clock, duration_s))
+                    engine = Engine(devices, clock, journal, pipeline.publish, check, time_left)
                     with stopped_afterwards(devices, clock):
                         engine.home()
                         while steps := way.next(pipeline.points):

@@ -67,6 +67,10 @@ def _end(recipe: Recipe, rig: Rig, readings: Sequence[Reading], points: Sequence
         planned = sum(step.readings for step in plan(recipe, rig))
         if len(readings) < planned:
             return RunEnd("abort", f"{len(readings)} of {planned} readings were taken")
+    elif recipe.averaging is not None:
+        planned = len({step.point for step in plan(recipe, rig)})
+        if len(points) < planned:
+            return RunEnd("abort", f"{len(points)} of {planned} directions were finished")
     elif not readings or len(points) < len({reading.point for reading in readings}):
         return RunEnd("abort", f"the last direction was not finished; {len(readings)} readings were taken")
     return RunEnd("success")

@@ -64,7 +64,9 @@ def _remarks(recipe: Recipe, now: Forecast) -> Iterator[str]:
             "Directions share the error of a reference, but the fit, and so these figures, take it for each one's own: "
             "weights of lobes may scatter more, unless the reference is bright."
         )
-    if recipe.is_steered:
+    if recipe.averaging is not None:
+        yield f"This scan averages: {recipe.averaging}. These figures are for the most readings that it may take."
+    elif recipe.is_steered:
         yield "This scan steers itself; these figures are for its exit angles as they are listed, once."
 
 

@@ -9,6 +9,7 @@ from acquisition.engine import Bench, Engine, stopped_afterwards
 from acquisition.events import LinkRestored, ReadingStored
 from acquisition.expand import Step, Target
 from acquisition.journal import Journal
+from acquisition.signal_to_noise import as_planned
 from acquisition.time_left import TimeLeft
 from goniometer.errors import (
     DeviceFaultError,
@@ -161,8 +162,8 @@ def moving(bench):
     return [axis.name for axis in (bench.source_arm, bench.detector_arm, bench.sample_azimuth) if axis.is_moving()]
 
 
-def engine(bench, clock, journal, publish=lambda event: None, check=lambda: None):
-    return Engine(bench, clock, journal, publish, check, TimeLeft(clock, 60.0))
+def engine(bench, clock, journal, publish=lambda event: None, check=lambda: None, enough=as_planned):
+    return Engine(bench, clock, journal, publish, check, TimeLeft(clock, 60.0), enough)
 
 
 def test_all_moves_of_a_step_overlap(bench, clock, journal):
@@ -628,3 +629,64 @@ def test_axes_are_asked_once_more_before_they_move_when_the_light_took_long(benc
     with pytest.raises(PositionError, match="source: stands at 0 degrees although it was left at 60 degrees"):
         engine(bench, clock, journal).run(TWO)
     assert bench.detector_arm.sent == [5.0]
+
+
+# Steps whose number of readings is decided as they are taken
+
+
+def sum_is_enough(step, powers_w):
+    """With 1e-9 W a reading: 4 of them, if the step allows so many."""
+    return len(powers_w) >= step.readings or sum(powers_w) > 3.5e-9
+
+
+OPEN = [step(readings=9), step(point=1, exit_deg=6.0, slot=4, readings=3), step(point=2, exit_deg=7.0, readings=9)]
+
+
+def test_a_step_ends_with_the_reading_that_is_enough_or_with_the_last_it_may_take(bench, clock, journal):
+    sent = []
+
+    def note(event):
+        if isinstance(event, ReadingStored):
+            sent.append(bench.detector_arm.sent[-1])
+
+    engine(bench, clock, journal, note, enough=sum_is_enough).run(OPEN)
+    assert sent[:4] == [5.0, 5.0, 5.0, 6.0], "the arm is on its way when the last is stored"
+    assert [(one.point, one.repeat) for one in journal.readings()] == [
+        (point, repeat) for point, count in ((0, 4), (1, 3), (2, 4)) for repeat in range(count)
+    ]
+    between_s = journal.readings()[4].time_s - journal.readings()[3].time_s
+    assert 1.28 <= between_s < 1.31, "exposure, move and settling, and no more"
+
+
+def test_readings_are_numbered_on_from_those_of_an_earlier_round(bench, clock, journal):
+    engine(bench, clock, journal).run([replace(step(readings=2), first_repeat=5)])
+    assert [one.repeat for one in journal.readings()] == [5, 6]
+
+
+@pytest.mark.parametrize("role", ROLES)
+def test_wherever_a_link_is_lost_no_step_has_more_readings_than_are_enough(tmp_path, role):
+    restored = 0
+    for number in range(20):
+        clock, events = Clock(), []
+        bench = Bench(*(Device(name, clock) for name in ("source", "detector arm", "azimuth", "wheel", "meter")))
+        check = unplug_at(clock, getattr(bench, role), [4.5 * number / 20], 2.3)
+        with Journal.create(tmp_path / f"{number}", {}) as journal:
+            engine(bench, clock, journal, events.append, check, sum_is_enough).run(OPEN)
+            taken = [(one.point, one.repeat) for one in journal.readings()]
+        assert taken == [(point, repeat) for point, count in ((0, 4), (1, 3), (2, 4)) for repeat in range(count)]
+        restored += sum(isinstance(event, LinkRestored) for event in events)
+    assert restored > 10
+
+
+def test_a_move_that_is_refused_costs_no_reading_that_was_enough(bench, clock, journal):
+    refused = DeviceFaultError("detector arm", "it has an alarm", not_done="the move", to_do="reset it")
+
+    def start_move(target_deg):
+        if target_deg == 6.0:
+            raise refused
+        Device.start_move(bench.detector_arm, target_deg)
+
+    bench.detector_arm.start_move = start_move
+    with pytest.raises(DeviceFaultError, match="it has an alarm"):
+        engine(bench, clock, journal, enough=sum_is_enough).run(OPEN)
+    assert [one.point for one in journal.readings()] == [0] * 4
