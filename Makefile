@@ -29,6 +29,7 @@ bench: .venv/installed .venv-bench/installed
 	$(BIN)/python benchmarks/scan.py
 	$(BIN)/python benchmarks/effects.py
 	$(BIN)/python benchmarks/beside_bluesky.py
+	$(BIN)/python benchmarks/long_scan.py
 
 bench-model: .venv/installed .venv-bench/installed
 	$(BIN)/python benchmarks/model_cost.py --plot docs/model_cost.png

@@ -55,6 +55,15 @@ def without_light(points: Sequence[StokesPoint]) -> str:
     )
 
 
+def in_unsteady_light(what: str, points: Sequence[int]) -> str:
+    """Which directions were not read in one steady light, for what their readings show."""
+    return (
+        f"The readings of {named(points)} {what}: the lamp may have been off, or something in the beam, for a part of "
+        "the time. They are in every result. Look at the lamp and the beam, then measure these directions, and those "
+        "read just before and behind them, again"
+    )
+
+
 def named(points: Sequence[int]) -> str:
     """Points in words, such as ``points 2 to 5, 9``."""
     stretches: list[str] = []

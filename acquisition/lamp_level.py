@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
+from bisect import bisect_left
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
@@ -50,10 +51,11 @@ class LampLevel:
         asked_s = np.asarray(times_s, np.float64)
         if not self.times_s:
             return np.ones(len(asked_s)), np.zeros((len(asked_s), len(asked_s)))
-        right = np.clip(np.searchsorted(self.times_s, asked_s), 1, max(len(self.times_s) - 1, 1))
+        right = np.clip([bisect_left(self.times_s, time_s) for time_s in times_s], 1, max(len(self.times_s) - 1, 1))
         around = np.unique(np.concatenate([[0], right - 1, np.minimum(right, len(self.times_s) - 1)]))
         known_s, powers_w, variances_w2 = (
-            np.array(of_all)[around] for of_all in (self.times_s, self.powers_w, self.variances_w2)
+            np.array([of_all[number] for number in around])
+            for of_all in (self.times_s, self.powers_w, self.variances_w2)
         )
         shares = np.array([np.interp(asked_s, known_s, unit) for unit in np.eye(len(around))]).T
         levels = shares @ powers_w / powers_w[0]

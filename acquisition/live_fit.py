@@ -38,7 +38,10 @@ class LiveFit:
         self._thread = threading.Thread(target=self._work, name="live fit", daemon=True)
 
     def submit(self, points: Sequence[StokesPoint]) -> None:
-        """Hand over all points so far; returns at once. A state not yet begun is dropped."""
+        """Hand over all points so far; returns at once. A state not yet begun is dropped.
+
+        Points may be added to the same list afterwards, but none be taken out.
+        """
         with self._condition:
             self._submitted = points
             self._condition.notify()
@@ -69,8 +72,9 @@ class LiveFit:
                 self._condition.wait_for(lambda: self._ended or self._submitted is not None)
                 if self._ended:
                     return
-                points, self._submitted = self._submitted, None
-            assert points is not None, "the wait ends only with points or with the end"
+                submitted, self._submitted = self._submitted, None
+            assert submitted is not None, "the wait ends only with points or with the end"
+            points = tuple(submitted)  # a scan adds to its own while this thread works
             try:
                 last = self._fit(collected.data(points), last)
                 news: FitUpdated | FitRefused = FitUpdated(len(points), last)

@@ -1,8 +1,8 @@
 """A scan as a NeXus file (HDF5): raw readings beside the reduced points, the fit, and where it all came from.
 
-The layout follows the NeXus base classes and the group names of the application definition NXoptical_spectroscopy. The
-file does not declare that definition: it demands the time of day and the sample's name, which readings do not carry.
-The analyzer is an NXoptical_polarizer, because NXpolarizer describes polarizers of neutron spins.
+The layout follows the NeXus base classes and the application definition NXoptical_spectroscopy, which the file declares
+where it is known when the scan began. The analyzer is an NXoptical_polarizer, because NXpolarizer describes polarizers
+of neutron spins.
 """
 
 from __future__ import annotations
@@ -15,10 +15,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from acquisition.fit_points import in_degrees
+from acquisition.nexus_definition import declare_definition, write_beam
+from acquisition.nexus_fields import field as _field
+from acquisition.nexus_fields import group as _group
 from acquisition.readings import Reading, StokesPoint
+from acquisition.reduce import NoiseModel
 from acquisition.whole_file import written_whole
 
 if TYPE_CHECKING:
@@ -43,6 +46,7 @@ def write_nexus(
     readings: Sequence[Reading],
     points: Sequence[StokesPoint],
     fit: FitResult | None,
+    noise: NoiseModel,
     provenance: Mapping[str, str],
 ) -> None:
     """Write a scan so that a NeXus viewer opens it on S0 against the exit angle, with DoLP and AoLP beside it.
@@ -59,8 +63,10 @@ def write_nexus(
         What they reduce to.
     fit : FitResult or None
         The fit of these points; its fitted Stokes parameters must be as many as `points`.
+    noise : NoiseModel
+        The detector's, for the errors of the raw readings.
     provenance : mapping of str to str
-        Texts to keep with the data: recipe, rig, scene, versions, seed.
+        Texts to keep with the data: recipe, rig, scene, versions, seed. `started` is needed to declare the definition.
 
     Raises
     ------
@@ -86,7 +92,9 @@ def write_nexus(
         entry["title"] = title
         entry["program_name"] = "goniometer"
         entry["program_name"].attrs["version"] = version
-        _write_instrument(entry, readings)
+        if "started" in provenance:
+            declare_definition(entry, provenance["started"])
+        _write_instrument(entry, readings, noise)
         _group(entry, "sample", "NXsample")["name"] = title
         _write_points(entry, points)
         if fit is not None:
@@ -94,7 +102,7 @@ def write_nexus(
         _write_provenance(entry, provenance)
 
 
-def _write_instrument(entry: h5py.Group, readings: Sequence[Reading]) -> None:
+def _write_instrument(entry: h5py.Group, readings: Sequence[Reading], noise: NoiseModel) -> None:
     instrument = _group(entry, "instrument", "NXinstrument")
     instrument["name"] = "polarimetric goniometer"
     instrument["angle_reference_frame"] = "sample-normal centered"
@@ -115,9 +123,11 @@ def _write_instrument(entry: h5py.Group, readings: Sequence[Reading]) -> None:
     def column(value: Callable[[Reading], float]) -> list[float]:
         return [value(reading) for reading in readings]
 
-    _field(raw, "raw", column(lambda reading: reading.power_w), "W", "optical power")
+    power_w, exposure_s = (np.array(column(value)) for value in (lambda one: one.power_w, lambda one: one.exposure_s))
+    _field(raw, "raw", power_w, "W", "optical power")
+    _field(raw, "raw_errors", np.sqrt(noise.variance(power_w, exposure_s)), "W", "noise of the detector and of photons")
     _field(raw, "time", column(lambda reading: reading.time_s), "s", "time on the bench's clock")
-    _field(raw, "exposure", column(lambda reading: reading.exposure_s), "s")
+    _field(raw, "exposure", exposure_s, "s")
     _field(raw, "incidence_angle", column(lambda reading: reading.incidence_deg), "deg")
     _field(raw, "exit_angle", column(lambda reading: reading.exit_deg), "deg", "signed exit angle")
     _field(raw, "sample_azimuth", column(lambda reading: reading.azimuth_deg), "deg")
@@ -137,6 +147,7 @@ def _write_instrument(entry: h5py.Group, readings: Sequence[Reading]) -> None:
     raw["kind"] = [str(reading.kind) for reading in readings]
     for name in raw:
         raw.attrs[f"{name}_indices"] = 0
+    write_beam(instrument, noise.wavelength_nm)
 
 
 def _write_points(entry: h5py.Group, points: Sequence[StokesPoint]) -> None:
@@ -224,17 +235,3 @@ def _write_note(parent: h5py.Group, name: str, description: str, text: str) -> N
     note = _group(parent, name, "NXnote")
     note["description"], note["type"] = description, "text/plain"
     note["data"] = np.bytes_(text.encode())  # NXnote asks for bytes; viewers show them as text
-
-
-def _group(parent: h5py.Group, name: str, nexus_class: str) -> h5py.Group:
-    group = parent.create_group(name)
-    group.attrs["NX_class"] = nexus_class
-    return group
-
-
-def _field(group: h5py.Group, name: str, values: ArrayLike, units: str, long_name: str | None = None) -> h5py.Dataset:
-    dataset = group.create_dataset(name, data=values)
-    dataset.attrs["units"] = units
-    if long_name is not None:
-        dataset.attrs["long_name"] = long_name
-    return dataset

@@ -6,6 +6,8 @@ from collections.abc import Sequence
 
 from acquisition.averaged import Averaged
 from acquisition.events import Event, NotReached, PointReduced, ReadingStored, ScanDoubted, ScanEnded, Subscriber
+from acquisition.lamp_level import LampLevel
+from acquisition.lamp_watch import LampWatch
 from acquisition.live_fit import LiveFit
 from acquisition.readings import Reading, StokesPoint
 from acquisition.reduce import Reduction
@@ -38,11 +40,11 @@ class Pipeline:
     ) -> None:
         self._reduction, self._live_fit, self._subscribers = reduction, live_fit, subscribers
         self._averaged = averaged
-        self._readings: list[Reading] = []
+        self._averaged_readings: list[Reading] = []
         self._of_points: dict[int, list[Reading]] = {}
-        self._references: list[Reading] = []
-        self._darks: dict[int, list[Reading]] = {}
-        self.points: tuple[StokesPoint, ...] = ()
+        self._lamp = LampWatch()
+        self._last: Reading | None = None
+        self.points: list[StokesPoint] = []
 
     def publish(self, event: Event) -> None:
         """Tell the subscribers, and keep what was read."""
@@ -52,22 +54,26 @@ class Pipeline:
             self._tell_doubts()
         self._tell(event)
         if isinstance(event, ReadingStored):
-            self._readings.append(event.reading)
+            self._last = event.reading
             self._of_points.setdefault(event.reading.point, []).append(event.reading)
-            if event.reading.kind == "reference":
-                self._references.append(event.reading)
-            elif event.reading.kind == "dark":
-                self._darks.setdefault(event.reading.point, []).append(event.reading)
+            self._lamp.add(event.reading)
+            if self._averaged is not None:
+                self._averaged_readings.append(event.reading)
 
     def _tell_doubts(self) -> None:
         try:
-            doubts = self._reduction.warnings(self._readings, self.points)
+            doubts = self._reduction.warnings(self._lamp.in_question(), self.points)
         except ReductionError:
             return  # it has been raised when the point ended, and is why the scan ends
         if self._averaged is not None:
-            doubts += self._averaged.doubts(self._readings, self.points)
+            doubts += self._averaged.doubts(self._averaged_readings, self.points)
         if doubts:
             self._tell(ScanDoubted(doubts))
+
+    def _lamp_level(self) -> LampLevel:
+        lamp = self._reduction.lamp_level(self._lamp.of_lamp())
+        self._reduction.require_lamp(lamp, self._lamp.in_question())
+        return lamp
 
     def _tell(self, event: Event) -> None:
         for subscriber in self._subscribers:
@@ -81,9 +87,8 @@ class Pipeline:
         ReductionError
             As `end_point` does.
         """
-        lamp = self._reduction.lamp_level(self._of_lamp())
-        self._reduction.require_lamp(lamp, self._readings)
-        return self._reduction.point(self._of_points[self._readings[-1].point], lamp)
+        assert self._last is not None, "asked only behind a reading"
+        return self._reduction.point(self._of_points[self._last.point], self._lamp_level())
 
     def end_point(self) -> None:
         """Reduce the direction of the last reading: it is complete, or the reference that closes the scan is.
@@ -96,20 +101,16 @@ class Pipeline:
             When its readings do not determine its Stokes parameters, or references show that nobody knows how bright
             the lamp was.
         """
-        complete = self._of_points.pop(self._readings[-1].point)
-        lamp = self._reduction.lamp_level(self._of_lamp())
-        self._reduction.require_lamp(lamp, self._readings)
+        assert self._last is not None, "a direction ends with a reading"
+        complete = self._of_points.pop(self._last.point)
+        lamp = self._lamp_level()
+        self._lamp.end_point(self._last.point)
         if all(taken.kind == "reference" for taken in complete):
             return
         point = self._reduction.point(complete, lamp)
-        self.points = (*self.points, point)
+        self.points.append(point)
         self._tell(PointReduced(point))
         if self._averaged is not None and (what := self._averaged.shortfall(complete, point)):
             self._tell(NotReached(point.point, point.exit_deg, what))
         if self._live_fit is not None:
             self._live_fit.submit(self.points)
-
-    def _of_lamp(self) -> list[Reading]:
-        """What tells of the lamp: references, and the dark readings of their directions, as far as they are taken."""
-        points = dict.fromkeys(reference.point for reference in self._references)
-        return [*self._references, *(dark for point in points for dark in self._darks.get(point, ()))]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -57,7 +58,7 @@ def stokes_point(reading: Reading, stokes: NDArray[np.float64], covariance: NDAr
     )
 
 
-def _with_s3(stokes: NDArray[np.float64], covariance: NDArray[np.float64]) -> dict[str, float]:
+def _with_s3(stokes: NDArray[np.float64], covariance: NDArray[np.float64]) -> dict[str, Any]:
     """Degrees of circular and of all polarization; NaN where noise has made S0 negative."""
     if stokes[0] <= 0.0:
         return dict.fromkeys(("docp", "docp_stderr", "dop", "dop_stderr"), math.nan)

@@ -49,7 +49,8 @@ class StokesPoint:
     `stokes` has shape (3,) or (4,), `covariance` (3, 3) or (4, 4). `dolp` is the plain ratio, `dolp_debiased` has the
     bias that noise adds removed; both are NaN where noise has made S0 negative. `aolp_deg` is in (-90, 90], from the
     s-direction. `docp`, which is S3/S0 with its sign, and the degree of polarization `dop`, linear and circular
-    together, are None where S3 was not measured.
+    together, are None where S3 was not measured. `is_contradictory` says that some of its
+    readings are dark where the others say that there is light.
     """
 
     point: int
@@ -67,6 +68,7 @@ class StokesPoint:
     docp_stderr: float | None = None
     dop: float | None = None
     dop_stderr: float | None = None
+    is_contradictory: bool = False
 
     @property
     def has_s3(self) -> bool:

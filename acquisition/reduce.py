@@ -14,15 +14,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from acquisition.analyzer_matrix import AnalyzerState, analyzer_matrix, check_states
 from acquisition.calibrated_slots import SlotCalibration
+from acquisition.contradictions import lost_light, unsteady
 from acquisition.detector_noise import NoiseModel as NoiseModel
-from acquisition.doubts import behind_last_reference, in_break, unfinished, without_light
+from acquisition.doubts import behind_last_reference, in_break, in_unsteady_light, unfinished, without_light
 from acquisition.lamp_level import LARGEST_CHANGE, LampLevel, reference_groups
 from acquisition.polarization import stokes_point
 from acquisition.readings import Reading, StokesPoint
@@ -106,7 +107,8 @@ class Reduction:
 
     def warnings(self, readings: Sequence[Reading], points: Sequence[StokesPoint]) -> tuple[str, ...]:
         """What a person should know of the light of a scan before believing in its points, in words."""
-        said = behind_last_reference(self.lamp_level(readings), readings), without_light(points)
+        unlit = behind_last_reference(self.lamp_level(readings), readings), without_light(points)
+        said = *unlit, *(in_unsteady_light(*found) for found in unsteady(points))
         return tuple(filter(None, said))
 
     def require_lamp(self, lamp: LampLevel, readings: Sequence[Reading]) -> None:
@@ -192,15 +194,18 @@ class Reduction:
         matrix[lit, :count] *= levels[:, None]
         power_w = np.array([reading.power_w for reading in readings]) - self._dark_w
         exposure_s = np.array([reading.exposure_s for reading in readings])
-        inverse, covariance = _inverted(
-            matrix, power_w, lambda mean_w: self._noise.variance(mean_w + self._dark_w, exposure_s)
-        )
+
+        def variance_w2(power_w: Floats) -> Floats:
+            return self._noise.variance(power_w + self._dark_w, exposure_s)
+
+        inverse, covariance = _inverted(matrix, power_w, variance_w2)
         solution = inverse @ power_w
         covariance = covariance + self._of_calibration(signals, levels, inverse, lit, solution)
         by_levels = inverse[:count, lit] * (matrix[lit, :count] @ solution[:count] / levels)
         stokes = solution[:count] / scale_w
         covariance = (covariance[:count, :count] + by_levels @ of_levels @ by_levels.T) / scale_w**2
-        return stokes_point(signals[0], stokes, covariance)
+        is_contradictory = lost_light(matrix, count, lit, power_w, variance_w2(power_w))
+        return replace(stokes_point(signals[0], stokes, covariance), is_contradictory=is_contradictory)
 
     def _design_matrix(self, readings: Sequence[Reading]) -> tuple[int, Floats]:
         """How many Stokes parameters there are, and how these and the dark power make the readings."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -128,9 +129,10 @@ def _point(path: Path, line: int, header: list[str], row: list[str], count: int)
         index = int(cell["point"])
     except ValueError as error:
         raise JournalError(f"{path}, line {line}, is damaged: {error}. Write it again from the journal.") from error
+    scalars: dict[str, Any] = {name: number[name] for name in (*_ANGLES, *_ratios(count))}
     return StokesPoint(
         point=index,
-        **{name: number[name] for name in (*_ANGLES, *_ratios(count))},
+        **scalars,
         stokes=np.array([number[column] for column in _stokes(count)]),
         covariance=np.array([number[column] for column in _covariances(count)]).reshape(count, count),
     )

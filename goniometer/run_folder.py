@@ -23,7 +23,7 @@ from acquisition.whole_file import written_whole
 from goniometer.errors import FitError, JournalError, ReductionError
 from goniometer.fitted_curve import fitted_curve
 from goniometer.fitting.as_json import fit_json
-from goniometer.planning import averaged, reduction
+from goniometer.planning import averaged, detection, reduction
 from goniometer.report import draw_report
 from goniometer.rig_file import Rig
 from goniometer.shared_errors import refits, with_shared_errors
@@ -177,7 +177,13 @@ def write_results(run: StoredRun) -> list[Path]:
     )
     write_stokes_csv(csv, run.points)
     write_nexus(
-        nexus, title=run.recipe.recipe, readings=run.readings, points=run.points, fit=run.fit, provenance=run.about
+        nexus,
+        title=run.recipe.recipe,
+        readings=run.readings,
+        points=run.points,
+        fit=run.fit,
+        noise=detection(run.recipe, run.rig).noise,
+        provenance=run.about,
     )
     with written_whole(fit_json_path) as part:
         part.write_text(_fit_json(run), encoding="utf-8")

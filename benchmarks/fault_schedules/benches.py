@@ -21,7 +21,11 @@ from sim_devices.scene import Scene
 ROOT = Path(__file__).resolve().parents[2]
 ROLES = ("source_arm", "detector_arm", "sample_azimuth")
 FEW = {"exit_deg": [0, 20, 30], "analyzer_deg": [0, 45, 90], "readings": 2, "exposure_s": 0.03, "dark": False}
-LAMP_WATCHED = {"exit_deg": [0, 20], "reference": {"exit_deg": 30, "every_points": 1}}
+LAMP_WATCHED = {
+    "exit_deg": [0, 20],
+    "analyzer_deg": [0, 45, 90, 135],
+    "reference": {"exit_deg": 30, "every_points": 1},
+}
 SLOW = LAMP_WATCHED | {"readings": 1, "exposure_s": 0.4}
 NEAR_HOME_DEG = {"source_arm": 1.0, "detector_arm": 1.0, "sample_azimuth": 3.0, "polarizer": 5.0}
 FOUR_SLOTS = {1: 0, 2: 45, 3: 90, 4: 135}

@@ -87,6 +87,8 @@ def violations(bench: str, faults: Sequence[dict[str, Any]], outcome: Outcome) -
             yield f"an error that names no device: {failure!r}"
     if outcome.moving and not any("may still be moving" in str(failure) for failure in failures):
         yield f"{' and '.join(outcome.moving)} moves on, and nothing says so"
+    if outcome.doubts and not any(fault["fault"] == "lamp_off" for fault in faults):
+        yield f"the light is doubted, and no lamp was out: {outcome.doubts}"
 
 
 def _ending(bench: str, outcome: Outcome) -> str:
@@ -96,7 +98,9 @@ def _ending(bench: str, outcome: Outcome) -> str:
         return type(_errors_in(outcome.error)[0]).__name__
     pairs = zip(outcome.rows, without_faults(bench).rows, strict=False)
     is_same = all(_is_same(short_scan(bench), reading, right) for reading, right in pairs)
-    return "same data" if is_same else "lamp out between references"
+    if is_same:
+        return "same data"
+    return "lamp out, and said so" if outcome.doubts else "lamp out between references"
 
 
 def _is_same(scan: ShortScan, reading: Reading, right: Reading) -> bool:

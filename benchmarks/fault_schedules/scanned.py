@@ -17,7 +17,7 @@ from benches import short_scan
 from struck import Struck, watched
 
 from acquisition.engine import Engine, stopped_afterwards
-from acquisition.events import Event, ReadingStored
+from acquisition.events import Event, ReadingStored, ScanDoubted, ScanEnded
 from acquisition.journal import Journal
 from acquisition.pipeline import Pipeline
 from acquisition.readings import Reading
@@ -52,10 +52,14 @@ class Hang(BaseException):
 
 @dataclass
 class Outcome:
-    """How a scan ended: what is stored, what was shown, what failed, which axes still move, and which faults struck."""
+    """How a scan ended: what is stored, what was shown, what failed, which axes still move, and which faults struck.
+
+    `doubts` are what a person is told of the light at the end of a scan.
+    """
 
     rows: tuple[Reading, ...] = ()
     shown: list[Reading] = field(default_factory=list)
+    doubts: list[str] = field(default_factory=list)
     error: BaseException | None = None
     moving: list[str] = field(default_factory=list)
     struck: Struck = field(default_factory=set)
@@ -71,6 +75,8 @@ def scanned(name: str, faults: Sequence[dict[str, Any]], seed: int) -> Outcome:
     def show(event: Event) -> None:
         if isinstance(event, ReadingStored):
             outcome.shown.append(event.reading)
+        elif isinstance(event, ScanDoubted):
+            outcome.doubts += event.doubts
 
     def check() -> None:
         if clock.now() > LONGEST_BENCH_S:
@@ -89,6 +95,7 @@ def scanned(name: str, faults: Sequence[dict[str, Any]], seed: int) -> Outcome:
                         while steps := way.next(pipeline.points):
                             engine.run(steps, way.ahead)
                             pipeline.end_point()
+                    pipeline.publish(ScanEnded(way.reason, engine.readings_taken, clock.now(), as_asked=True))
             except (Exception, Hang) as error:  # noqa: BLE001 (judged afterwards)
                 outcome.error = error
         with Journal.open(journal.path) as journal:

@@ -140,6 +140,11 @@ class Problem:
         """How many sets of data there are."""
         return len(self._target)
 
+    @property
+    def directions(self) -> int:
+        """How many directions each of them has."""
+        return len(self._target[0, 0])
+
     def emitted(self, x: FloatArray, which: Places) -> tuple[FloatArray, FloatArray]:
         """Light (b, E, N) and derivatives (b, P, E, N) of surfaces with the parameters x (b, P)."""
         return self._forward(x, which)

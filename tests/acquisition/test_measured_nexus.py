@@ -15,8 +15,10 @@ from acquisition.fit_points import dataset
 from acquisition.measured_nexus import read_measured_nexus
 from acquisition.nexus import write_nexus
 from acquisition.readings import StokesPoint
+from acquisition.reduce import NoiseModel
 from goniometer.errors import FitError, JournalError
 
+NOISE = NoiseModel(read_w=2e-11, sample_s=0.003, shot=True, wavelength_nm=550)
 PROVENANCE = {"recipe": "recipe: iron # µ", "a/b": "slash"}
 
 
@@ -33,7 +35,7 @@ def points() -> list[StokesPoint]:
 @pytest.fixture
 def scan(tmp_path: Path) -> Path:
     path = tmp_path / "scan.nxs"
-    write_nexus(path, title="iron", readings=[], points=points(), fit=None, provenance=PROVENANCE)
+    write_nexus(path, title="iron", readings=[], points=points(), fit=None, noise=NOISE, provenance=PROVENANCE)
     return path
 
 
@@ -53,7 +55,7 @@ def test_s3_comes_back_where_it_was_measured(tmp_path: Path) -> None:
     ]
     path = tmp_path / "scan.nxs"
     with_degrees = [replace(point, docp=0.1, docp_stderr=0.01, dop=0.5, dop_stderr=0.01) for point in measured]
-    write_nexus(path, title="iron", readings=[], points=with_degrees, fit=None, provenance={})
+    write_nexus(path, title="iron", readings=[], points=with_degrees, fit=None, noise=NOISE, provenance={})
     data, _ = read_measured_nexus(path)
     assert data.observable.columns == ("s0", "s1", "s2", "s3")
     assert_array_equal(data.values, dataset(measured).values)
@@ -117,7 +119,7 @@ def test_another_form_is_refused(scan: Path, change: Callable[[h5py.File], None]
 
 def test_a_scan_without_points_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "scan.nxs"
-    write_nexus(path, title="nothing yet", readings=[], points=[], fit=None, provenance={})
+    write_nexus(path, title="nothing yet", readings=[], points=[], fit=None, noise=NOISE, provenance={})
     with pytest.raises(FitError, match="no row"):
         read_measured_nexus(path)
 

@@ -13,11 +13,13 @@ from numpy.testing import assert_array_equal
 
 from acquisition.nexus import write_nexus
 from acquisition.readings import Reading, StokesPoint
+from acquisition.reduce import NoiseModel
 from goniometer.errors import JournalError
 from model.fit import Estimate, FitResult
 from model.lobes import Diffuse
 from model.surface import Surface
 
+NOISE = NoiseModel(read_w=2e-11, sample_s=0.003, shot=True, wavelength_nm=550)
 EXIT_DEG = [-10.0, 0.0, 35.0]
 READINGS = [
     Reading(0, "signal", 0, 1.5, 60.0, -10.0, 0.0, 2, 45.0, 0.03, 1.25e-9),
@@ -56,7 +58,7 @@ PROVENANCE = {"recipe": "recipe: iron\nwavelength_nm: 550  # µ\n", "scene": "",
 @pytest.fixture
 def file(tmp_path: Path) -> Iterator[h5py.File]:
     path = tmp_path / "scan.nxs"
-    write_nexus(path, title="iron", readings=READINGS, points=POINTS, fit=FIT, provenance=PROVENANCE)
+    write_nexus(path, title="iron", readings=READINGS, points=POINTS, fit=FIT, noise=NOISE, provenance=PROVENANCE)
     with h5py.File(path) as opened:
         yield opened
 
@@ -129,7 +131,9 @@ def test_s3_and_its_retarder_stand_beside_the_rest(tmp_path: Path) -> None:
     ]
     readings = [replace(READINGS[0], retarder_deg=-15.1, retardance_deg=88.0), READINGS[1]]
     fit = replace(FIT, columns=("s0", "s1", "s2", "s3"), fitted=np.array([point.stokes for point in points]))
-    write_nexus(tmp_path / "scan.nxs", title="iron", readings=readings, points=points, fit=fit, provenance={})
+    write_nexus(
+        tmp_path / "scan.nxs", title="iron", readings=readings, points=points, fit=fit, noise=NOISE, provenance={}
+    )
     with h5py.File(tmp_path / "scan.nxs") as file:
         stokes = file["entry/stokes"]
         assert_array_equal(stokes["S3"], [-0.2] * 3)
@@ -171,7 +175,7 @@ def test_provenance_texts_come_back_whatever_their_names_and_characters(file: h5
 
 def test_without_fit_points_or_readings_the_file_still_opens(tmp_path: Path) -> None:
     path = tmp_path / "scan.nxs"
-    write_nexus(path, title="nothing yet", readings=[], points=[], fit=None, provenance={})
+    write_nexus(path, title="nothing yet", readings=[], points=[], fit=None, noise=NOISE, provenance={})
     with h5py.File(path) as file:
         assert file["entry/stokes/S0"].shape == (0,)
         assert "fit" not in file["entry"]
@@ -179,14 +183,16 @@ def test_without_fit_points_or_readings_the_file_still_opens(tmp_path: Path) -> 
 
 def test_a_writer_that_fails_leaves_the_old_file_and_nothing_else(tmp_path: Path) -> None:
     path = tmp_path / "scan.nxs"
-    write_nexus(path, title="first", readings=READINGS, points=POINTS, fit=None, provenance={})
+    write_nexus(path, title="first", readings=READINGS, points=POINTS, fit=None, noise=NOISE, provenance={})
     before = path.read_bytes()
     with pytest.raises(AttributeError):
-        write_nexus(path, title="second", readings=READINGS, points=[object()], fit=None, provenance={})  # type: ignore[list-item]
+        write_nexus(path, title="second", readings=READINGS, points=[object()], fit=None, noise=NOISE, provenance={})  # type: ignore[list-item]
     assert path.read_bytes() == before
     assert [entry.name for entry in tmp_path.iterdir()] == ["scan.nxs"]
 
 
 def test_a_folder_that_is_not_there_is_named(tmp_path: Path) -> None:
     with pytest.raises(JournalError, match="cannot be written"):
-        write_nexus(tmp_path / "no" / "scan.nxs", title="x", readings=[], points=[], fit=None, provenance={})
+        write_nexus(
+            tmp_path / "no" / "scan.nxs", title="x", readings=[], points=[], fit=None, noise=NOISE, provenance={}
+        )

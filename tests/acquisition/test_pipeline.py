@@ -134,3 +134,27 @@ def test_directions_are_reduced_as_they_are_completed_wherever_they_began():
                 scan.pipeline.end_point()
     assert [point.point for point in scan.pipeline.points] == [2, 1, 0]
     assert scan.s0 == pytest.approx([0.25, 0.5, 1.0])
+
+
+def test_a_lamp_that_is_off_and_on_again_between_two_references_is_told_of_at_the_end():
+    scan = Scan()
+    for point in range(5):
+        scan.direction(0.0 if point == 2 else 1.0, reference=1.0 if point == 0 else None)
+        if point == 4:
+            scan.reference(1.0)
+        scan.pipeline.end_point()
+    (doubts,) = scan.end()
+    assert len(doubts) == 1
+    assert doubts[0].startswith("The readings of point 2 show less than a tenth of the light")
+
+
+def test_references_far_apart_in_a_long_scan_change_nothing():
+    scan = Scan()
+    for point in range(300):
+        level = 1.0 + 2e-4 * point
+        scan.direction(level, reference=level if point % 3 == 0 else None)
+        if point == 299:
+            scan.reference(level)
+        scan.pipeline.end_point()
+    assert scan.s0 == pytest.approx([1.0] * 300, rel=1e-3)
+    assert scan.end() == []

@@ -14,6 +14,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 import goniometer
 from acquisition.measured_columns import KNOWN, MUELLER, STOKES, stderr_of
 from acquisition.nexus import write_nexus
+from acquisition.reduce import NoiseModel
 from goniometer import cli
 from goniometer.errors import ConfigurationError, FitError, JournalError
 from goniometer.fitting.input import choice_from, fit_input, read_input, with_recipe
@@ -195,6 +196,7 @@ def test_other_files_are_refused(tmp_path: Path, command: Command) -> None:
     assert "Name a run's folder, a NeXus file (.nxs" in err
 
 
+NOISE = NoiseModel(read_w=2e-11, sample_s=0.003, shot=True, wavelength_nm=550)
 EXIT_DEG = range(0, 61, 3)
 RNG = np.random.default_rng(5)
 
@@ -280,7 +282,7 @@ def test_angles_of_the_instrument_are_in_degrees_in_the_nexus_file(run: StoredRu
     chosen = run.recipe.fit.model_copy(update={"free": {**run.recipe.fit.free, "exit_offset_deg": (-1.0, 1.0)}})
     found = fit_input(read_input(run.folder), chosen)
     path = tmp_path / "scan.nxs"
-    write_nexus(path, title="iron", readings=[], points=run.points, fit=found, provenance={})
+    write_nexus(path, title="iron", readings=[], points=run.points, fit=found, noise=NOISE, provenance={})
     with h5py.File(path) as file:
         parameters = file["entry/fit/parameters"]
         assert parameters["exit_offset_deg"].attrs["units"] == "deg"
