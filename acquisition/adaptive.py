@@ -110,7 +110,7 @@ class Adaptive:
 
     def _light_and_noise(self, result: FitResult, exit_deg: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Light (N, M) of the fitted surface, and the covariance (N, M, M) of one reading in every slot."""
-        stokes = light_of(result.surface)(np.full(len(exit_deg), self._recipe.incidence_deg), exit_deg)
+        stokes = light_of(result.surface)(np.full(len(exit_deg), self._recipe.incidences_deg()[0]), exit_deg)
         steps = self._visits.steps(1, float(exit_deg[0]), 1, HOME)
         analyzer = [step.analyzer for step in steps if step.kind == "signal"]
         noise = [
@@ -131,7 +131,8 @@ class Adaptive:
         stokes, noise = self._light_and_noise(result, candidates.exit_deg)
         other = light_of(self._family.seen(result.alternatives[0].parameters))
         apart = (
-            stokes - other(np.full(len(stokes), self._recipe.incidence_deg), candidates.exit_deg)[:, : stokes.shape[1]]
+            stokes
+            - other(np.full(len(stokes), self._recipe.incidences_deg()[0]), candidates.exit_deg)[:, : stokes.shape[1]]
         )
         each = np.einsum("np,np->n", apart, np.linalg.solve(noise, apart[..., None])[..., 0])
         readings = np.clip(np.ceil(_DECISIVE / np.maximum(each, 1e-9)), self._fewest, MAX_READINGS)
@@ -174,7 +175,7 @@ class Adaptive:
         known = prior_information(self._family)
         told = information(self._family, data.directions, data.covariance, result.values, data.observable)
         _, noise = self._light_and_noise(result, candidates.exit_deg)
-        there = directions(np.full(len(noise), self._recipe.incidence_deg), candidates.exit_deg)
+        there = directions(np.full(len(noise), self._recipe.incidences_deg()[0]), candidates.exit_deg)
         pieces = information(self._family, there, noise, result.values, data.observable)
         return known + told.sum(axis=0), pieces
 

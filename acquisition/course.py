@@ -36,13 +36,13 @@ class Course(Protocol):
 
 
 class Listed:
-    """All steps as they were planned, up to the end of one direction after the other."""
+    """All steps as they were planned, up to the end of one direction after the other, in every repeat."""
 
     reason = "finished"
 
     def __init__(self, steps: Sequence[Step]) -> None:
         self._steps = steps
-        last = {step.point: number for number, step in enumerate(steps)}
+        last = {(step.point, step.cycle): number for number, step in enumerate(steps)}
         self._ends = deque(sorted(number + 1 for number in last.values()))
         self._done = 0
 

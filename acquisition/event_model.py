@@ -91,7 +91,7 @@ def documents(
             "run": name,
             "sample": {"name": recipe.recipe},
             "recipe": recipe.model_dump(mode="json"),
-            "hints": {"dimensions": [[["exit_deg"], "primary"]]},
+            "hints": {"dimensions": _dimensions(recipe)},
             "provenance": provenance,
         },
     )
@@ -108,6 +108,14 @@ def documents(
             "num_events": {stream.name: len(stream.rows) for stream in streams},
         },
     )
+
+
+def _dimensions(recipe: Recipe) -> list[list[Any]]:
+    """Along what the readings lie: an angle each that a product varies, or all of them for a list of points."""
+    if recipe.has_points:
+        return [[["incidence_deg", "exit_deg", "azimuth_deg"], "primary"]]
+    varying = {"incidence_deg": len(recipe.incidences_deg()) > 1, "azimuth_deg": len(recipe.azimuths_deg()) > 1}
+    return [[[name], "primary"] for name in (*(name for name in varying if varying[name]), "exit_deg")]
 
 
 def write_documents(path: Path, of_run: Iterable[Document]) -> None:

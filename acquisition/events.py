@@ -18,7 +18,8 @@ class ScanStarted:
 
     `notes` are what devices said on connecting that a person should know, `truth` the parameters of a simulated sample.
     A scan that decides as it goes has an `aim`; then nobody knows the number of readings, nor, where a fit decides, of
-    points, and `expected_duration_s` is the longest that it may take.
+    points, and `expected_duration_s` is the longest that it may take. `has_planes` says that directions differ in more
+    than their exit angles.
     """
 
     run: str
@@ -29,6 +30,7 @@ class ScanStarted:
     truth: dict[str, float]
     notes: tuple[str, ...] = ()
     aim: str = ""
+    has_planes: bool = False
 
 
 @dataclass(frozen=True)

@@ -1,10 +1,10 @@
-"""Exit angles as a recipe lists them."""
+"""Angles as a recipe lists them: on even grids, each axis within what it can mean."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from typing import Annotated, Self
+from typing import Annotated, ClassVar, Self
 
 from pydantic import Field, model_validator
 
@@ -12,6 +12,8 @@ from acquisition.section import Section, SectionFault, refuse_all
 
 WIDEST_EXIT_DEG = 85
 ExitAngle = Annotated[float, Field(ge=-WIDEST_EXIT_DEG, le=WIDEST_EXIT_DEG)]
+Incidence = Annotated[float, Field(ge=0, le=89)]
+Azimuth = Annotated[float, Field(ge=-360, le=360)]
 
 MAX_DIRECTIONS = 1_000_000
 """More exit angles than any scan has: a step that was mistyped is found before memory is full."""
@@ -19,12 +21,13 @@ MAX_DIRECTIONS = 1_000_000
 _GRID_TOLERANCE_DEG = 1e-9
 
 
-class ExitRange(Section):
-    """Exit angles on an even grid; negative angles lie on the source's side of the surface normal."""
+class AngleRange(Section):
+    """Angles on an even grid."""
 
-    start_deg: ExitAngle = Field(description="first exit angle, in degrees")
-    stop_deg: ExitAngle = Field(description="last exit angle, in degrees; measured when it lies on the grid")
-    step_deg: float = Field(gt=0, description="distance of neighbouring exit angles, in degrees")
+    start_deg: float = Field(description="first angle, in degrees")
+    stop_deg: float = Field(description="last angle, in degrees; measured when it lies on the grid")
+    step_deg: float = Field(gt=0, description="distance of neighbouring angles, in degrees")
+    _named: ClassVar[str] = "angles"
 
     @model_validator(mode="after")
     def _check(self) -> Self:
@@ -38,7 +41,8 @@ class ExitRange(Section):
         elif steps >= MAX_DIRECTIONS:
             yield (
                 ("step_deg",),
-                f"got {self.step_deg:g}, which makes {steps:.3g} exit angles; allowed: at most {MAX_DIRECTIONS} angles",
+                f"got {self.step_deg:g}, which makes {steps:.3g} {self._named}; allowed: at most {MAX_DIRECTIONS} "
+                "angles",
             )
 
     def angles_deg(self) -> tuple[float, ...]:
@@ -48,3 +52,28 @@ class ExitRange(Section):
         if abs(self.start_deg + last * self.step_deg - self.stop_deg) <= _GRID_TOLERANCE_DEG:
             return (*(self.start_deg + i * self.step_deg for i in range(last)), self.stop_deg)
         return tuple(self.start_deg + i * self.step_deg for i in range(math.floor(steps) + 1))
+
+
+class ExitRange(AngleRange):
+    """Exit angles on an even grid; negative angles lie on the source's side of the surface normal."""
+
+    start_deg: ExitAngle = Field(description="first exit angle, in degrees")
+    stop_deg: ExitAngle = Field(description="last exit angle, in degrees; measured when it lies on the grid")
+    step_deg: float = Field(gt=0, description="distance of neighbouring exit angles, in degrees")
+    _named: ClassVar[str] = "exit angles"
+
+
+class IncidenceRange(AngleRange):
+    """Angles of incidence on an even grid."""
+
+    start_deg: Incidence = Field(description="first angle of incidence, in degrees")
+    stop_deg: Incidence = Field(description="last angle of incidence, in degrees; measured when it lies on the grid")
+    _named: ClassVar[str] = "angles of incidence"
+
+
+class AzimuthRange(AngleRange):
+    """Angles of the sample about its normal on an even grid."""
+
+    start_deg: Azimuth = Field(description="first angle of the sample, in degrees")
+    stop_deg: Azimuth = Field(description="last angle of the sample, in degrees; measured when it lies on the grid")
+    _named: ClassVar[str] = "angles of the sample"

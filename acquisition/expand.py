@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from acquisition.blocks import Sweep, blocks
 from acquisition.moving import Moving
 from acquisition.recipe import Recipe
+from acquisition.route import Order, routes
 from acquisition.steps import HOME as HOME
 from acquisition.steps import Slots as Slots
 from acquisition.steps import Step as Step
@@ -18,6 +19,10 @@ from acquisition.steps import Target as Target
 from acquisition.timing import BenchTiming
 from acquisition.visits import Visits as Visits
 from acquisition.visits import tours
+from acquisition.ways import Ways
+
+_SAME_S = 6
+"""Decimals of a duration behind which nothing is quicker."""
 
 
 @dataclass(frozen=True)
@@ -38,8 +43,9 @@ class Direction:
 def expand(recipe: Recipe, slots: Slots, timing: BenchTiming) -> tuple[Step, ...]:
     """Turn a recipe into its steps, in the order that takes the least time.
 
-    The arm takes the directions as it comes by, upwards or downwards as the recipe does; `blocks` says how many of them
-    are swept, forth and back, slot after slot. No block goes beyond the next reference.
+    A single axis takes the directions as it comes by, upwards or downwards as the recipe does; where several axes move,
+    `routes` says in which order. `blocks` says how many directions are swept, forth and back, slot after slot. No block
+    goes beyond the next reference, nor beyond a repeat of all.
 
     Parameters
     ----------
@@ -57,7 +63,33 @@ def expand(recipe: Recipe, slots: Slots, timing: BenchTiming) -> tuple[Step, ...
         readings. With a reference in the recipe the last step reads it once more, so that every direction stands
         between two references.
     """
-    return tuple(_Listed(recipe, slots, timing).steps())
+    listed, ways = _Listed(recipe, slots, timing), Ways(timing, Moving(timing))
+    angles_deg = recipe.directions_deg()
+    orders = routes(angles_deg, ways)
+    found = [tuple(listed.steps(order)) for order in orders]
+    if len(found) == 1:
+        return found[0]
+    blocked = [ways.blocked(angles_deg[order]) for order in orders]
+    total_s = [round(sum(step.duration_s for step in steps), _SAME_S) for steps in found]
+    return found[min(range(len(found)), key=lambda number: (blocked[number], total_s[number]))]
+
+
+@dataclass(frozen=True)
+class _Way:
+    """Directions in the order of a route, and how long it takes from each to the next, and back."""
+
+    directions: Sequence[Direction]
+    forth_s: Sequence[float]
+    back_s: Sequence[float]
+
+    def part(self, first: int, end: int) -> _Way:
+        """The stretch from a place up to, and without, another."""
+        last = max(end - 1, first)
+        return _Way(self.directions[first:end], self.forth_s[first:last], self.back_s[first:last])
+
+    def turned(self) -> _Way:
+        """The same from its end."""
+        return _Way(self.directions[::-1], self.back_s[::-1], self.forth_s[::-1])
 
 
 class _Listed:
@@ -69,64 +101,69 @@ class _Listed:
         self._tour = self._tours[0]
         self._visits = Visits(recipe, slots, timing)
         self._moving_s = Moving(timing)
+        self._ways = Ways(timing, self._moving_s)
+        counts = set(recipe.readings_of_directions())
+        self._taking_s = {readings: timing.readings_s(readings, recipe.exposure_s) for readings in counts}
+        places = zip(recipe.directions_deg().tolist(), recipe.readings_of_directions(), strict=True)
+        self._directions = [
+            Direction(point, incidence_deg, exit_deg, azimuth_deg, readings)
+            for point, ((incidence_deg, exit_deg, azimuth_deg), readings) in enumerate(places)
+        ]
 
-    def steps(self) -> Iterator[Step]:
+    def steps(self, order: Order) -> Iterator[Step]:
+        """The steps in this order, and then back again for every repeat."""
         here = HOME
-        reference = self._recipe.reference
-        route = self._route()
-        every = len(route) if reference is None else reference.every_points
-        for first in range(0, len(route), every):
-            part = route[first : first + every]
+        way = self._way(order)
+        for cycle in range(self._recipe.repeats):
+            for step in self._cycle(way, here):
+                yield step if cycle == 0 else replace(step, cycle=cycle)
+                here = step.target
+            way = way.turned()
+        if self._recipe.reference is not None:
+            last = way.directions[0]
+            (step,) = self._visits.reference(last.point, last.readings, here)
+            yield replace(step, cycle=self._recipe.repeats - 1)
+
+    def _way(self, order: Order) -> _Way:
+        places_deg = self._recipe.directions_deg()[order]
+        forth_s, back_s = self._ways.along_s(places_deg), self._ways.along_s(places_deg[::-1])[::-1]
+        return _Way([self._directions[number] for number in order.tolist()], forth_s.tolist(), back_s.tolist())
+
+    def _cycle(self, way: _Way, here: Target) -> Iterator[Step]:
+        """The steps of all directions once."""
+        reference, count = self._recipe.reference, len(way.directions)
+        every = count if reference is None else reference.every_points
+        for first in range(0, count, every):
+            part = way.part(first, first + every)
             if reference is not None:
-                (step,) = self._visits.reference(part[0].point, part[0].readings, here)
+                beginning = part.directions[0]
+                (step,) = self._visits.reference(beginning.point, beginning.readings, here)
                 yield step
                 here = step.target
             for block in blocks(self._sweep(part), self._recipe.direction_within_s):
-                for step in self._swept([part[place] for place in block], here):
+                for step in self._swept(part.part(block.start, block.stop), here):
                     yield step
                     here = step.target
-        if reference is not None:
-            yield from self._visits.reference(route[-1].point, route[-1].readings, here)
 
-    def _route(self) -> list[Direction]:
-        """The directions in the order in which the arm comes by, upwards or downwards as the recipe begins and ends."""
-        recipe = self._recipe
-        angles_deg = recipe.exit_angles_deg()
-        angles = zip(angles_deg, recipe.readings_of_angles(), strict=True)
-        route = sorted(
-            (
-                Direction(point, recipe.incidence_deg, exit_deg, recipe.azimuth_deg, readings)
-                for point, (exit_deg, readings) in enumerate(angles)
-            ),
-            key=lambda direction: direction.exit_deg,
-        )
-        return route if angles_deg[0] <= angles_deg[-1] else route[::-1]
-
-    def _sweep(self, part: Sequence[Direction]) -> Sweep:
-        slot = self._tour[0][0]
-        targets = [direction.through(slot) for direction in part]
-        onward_s = [
-            (self._moving_s(one, other) + self._moving_s(other, one)) / 2 for one, other in itertools.pairwise(targets)
-        ]
-        turns = itertools.pairwise(part[0].through(stop[0]) for stop in self._tour)
+    def _sweep(self, part: _Way) -> Sweep:
+        turns = itertools.pairwise(part.directions[0].through(stop[0]) for stop in self._tour)
         return Sweep(
-            onward_s=np.array(onward_s),
-            reading_s=np.array([self._readings_s(direction.readings) for direction in part]),
+            onward_s=(np.array(part.forth_s) + np.array(part.back_s)) / 2,
+            reading_s=np.array([self._taking_s[direction.readings] for direction in part.directions]),
             turn_s=sum(self._moving_s(one, other) for one, other in turns),
             slots=len(self._tour),
         )
 
-    def _swept(self, block: Sequence[Direction], here: Target) -> Iterator[Step]:
+    def _swept(self, block: _Way, here: Target) -> Iterator[Step]:
         """The steps of a block: from whichever end and whichever slot is reached sooner, and then forth and back."""
         recipe = self._recipe
-        ways = [(order, stops) for order in (block, block[::-1]) for stops in self._tours]
-        block, tour = min(ways, key=lambda way: self._moving_s(here, way[0][0].through(way[1][0][0])))
+        ways = [(order, stops) for order in (block, block.turned()) for stops in self._tours]
+        block, tour = min(ways, key=lambda way: self._moving_s(here, way[0].directions[0].through(way[1][0][0])))
         reading_s, exposure_s = self._timing.reading_s(recipe.exposure_s), recipe.exposure_s
-        taking_s = [self._readings_s(direction.readings) for direction in block]
-        onward_s, back_s = self._between_s(block), self._between_s(block[::-1])
+        taking_s = [self._taking_s[direction.readings] for direction in block.directions]
         for slot, kind, state in tour:
-            moving_s = self._moving_s(here, block[0].through(slot))
-            for direction, next_s, taken_s in zip(block, [*onward_s, 0.0], taking_s, strict=True):
+            moving_s = self._moving_s(here, block.directions[0].through(slot))
+            for direction, next_s, taken_s in zip(block.directions, [*block.forth_s, 0.0], taking_s, strict=True):
                 here = direction.through(slot)
                 duration_s = moving_s + taken_s
                 yield Step(
@@ -134,12 +171,4 @@ class _Listed:
                     *(state.retarder_deg, state.retardance_deg, reading_s),
                 )
                 moving_s = next_s
-            block, onward_s, back_s, taking_s = block[::-1], back_s, onward_s, taking_s[::-1]
-
-    def _readings_s(self, readings: int) -> float:
-        return self._timing.readings_s(readings, self._recipe.exposure_s)
-
-    def _between_s(self, block: Sequence[Direction]) -> list[float]:
-        """How long it takes from each direction to the next, in whichever slot."""
-        slot = self._tour[0][0]
-        return [self._moving_s(one, other) for one, other in itertools.pairwise(one.through(slot) for one in block)]
+            block, taking_s = block.turned(), taking_s[::-1]

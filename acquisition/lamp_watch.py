@@ -13,10 +13,16 @@ class LampWatch:
     """Remembers readings for the lamp's level; what has been looked at is dropped, so that a long scan takes no room.
 
     References lie between directions, and each direction that ends is looked at. So the readings before the last
-    reference but one are never asked for again.
+    reference but one are never asked for again, unless directions are repeated.
+
+    Parameters
+    ----------
+    forgets : bool
+        False where directions that have ended go on later.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, *, forgets: bool = True) -> None:
+        self._forgets = forgets
         self._references: list[Reading] = []
         self._darks: dict[int, list[Reading]] = {}
         self._between: list[Reading] = []
@@ -44,6 +50,8 @@ class LampWatch:
 
     def end_point(self, point: int) -> None:
         """Drop what is settled, now that this direction has ended; a reference that closes the scan needs its dark."""
+        if not self._forgets:
+            return
         of_references = {reference.point for reference in self._references}
         if self._ended != point and self._ended not in of_references:
             self._darks.pop(self._ended, None)  # type: ignore[arg-type]

@@ -29,6 +29,8 @@ class Pipeline:
         Who is told.
     averaged : Averaged, optional
         Says whether readings have reached what they were to reach.
+    is_repeated : bool
+        Whether directions are measured several times, and all that is read of one is reduced together.
     """
 
     def __init__(
@@ -37,12 +39,15 @@ class Pipeline:
         live_fit: LiveFit | None,
         subscribers: Sequence[Subscriber],
         averaged: Averaged | None = None,
+        *,
+        is_repeated: bool = False,
     ) -> None:
         self._reduction, self._live_fit, self._subscribers = reduction, live_fit, subscribers
         self._averaged = averaged
         self._averaged_readings: list[Reading] = []
         self._of_points: dict[int, list[Reading]] = {}
-        self._lamp = LampWatch()
+        self._lamp = LampWatch(forgets=not is_repeated)
+        self._repeated: dict[int, list[Reading]] | None = {} if is_repeated else None
         self._last: Reading | None = None
         self.points: list[StokesPoint] = []
 
@@ -70,6 +75,13 @@ class Pipeline:
         if doubts:
             self._tell(ScanDoubted(doubts))
 
+    def _with_repeats(self, complete: list[Reading]) -> list[Reading]:
+        if self._repeated is None:
+            return complete
+        readings = self._repeated.setdefault(complete[0].point, [])
+        readings += complete
+        return readings
+
     def _lamp_level(self) -> LampLevel:
         lamp = self._reduction.lamp_level(self._lamp.of_lamp())
         self._reduction.require_lamp(lamp, self._lamp.in_question())
@@ -93,7 +105,8 @@ class Pipeline:
     def end_point(self) -> None:
         """Reduce the direction of the last reading: it is complete, or the reference that closes the scan is.
 
-        Others may have been begun before, and go on later.
+        Others may have been begun before, and go on later. A direction that is measured again is reduced with all that
+        was read there before; its point replaces the earlier one.
 
         Raises
         ------
@@ -107,8 +120,13 @@ class Pipeline:
         self._lamp.end_point(self._last.point)
         if all(taken.kind == "reference" for taken in complete):
             return
-        point = self._reduction.point(complete, lamp)
-        self.points.append(point)
+        readings = self._with_repeats(complete)
+        point = self._reduction.point(readings, lamp)
+        if len(readings) == len(complete):
+            self.points.append(point)
+        else:
+            number = next(number for number, known in enumerate(self.points) if known.point == point.point)
+            self.points[number] = point
         self._tell(PointReduced(point))
         if self._averaged is not None and (what := self._averaged.shortfall(complete, point)):
             self._tell(NotReached(point.point, point.exit_deg, what))

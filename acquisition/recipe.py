@@ -11,11 +11,13 @@ from pydantic import AfterValidator, Field, ValidationInfo, field_validator, mod
 from acquisition.analyzer_matrix import check_analyzer_set
 from acquisition.averaging import MAX_READINGS as MAX_READINGS
 from acquisition.averaging import Averaging, HowOften
-from acquisition.exit_angles import MAX_DIRECTIONS, ExitAngle, ExitRange
+from acquisition.exit_angles import MAX_DIRECTIONS, ExitAngle
 from acquisition.exit_angles import WIDEST_EXIT_DEG as WIDEST_EXIT_DEG
+from acquisition.exit_angles import ExitRange as ExitRange
 from acquisition.fit_choice import FitChoice as FitChoice
 from acquisition.fit_choice import ParameterName
 from acquisition.lamp_level import LARGEST_CHANGE
+from acquisition.recipe_directions import RecipeDirections
 from acquisition.section import Section, SectionFault, refuse_all
 
 AnalyzerAngle = Annotated[float, Field(ge=-360, le=360)]
@@ -57,7 +59,7 @@ def check_printable(name: str) -> str:
     return name
 
 
-class Recipe(Section):
+class Recipe(RecipeDirections):
     """A measurement: directions, analyzer angles, readings, and the fit."""
 
     recipe: Annotated[str, AfterValidator(check_printable)] = Field(
@@ -71,17 +73,6 @@ class Recipe(Section):
         "not used on real devices",
     )
     wavelength_nm: float = Field(ge=200, le=2500, description="wavelength of the light, in nm")
-    incidence_deg: float = Field(ge=0, le=89, description="angle of incidence from the surface normal, in degrees")
-    exit: ExitRange | None = Field(default=None, description="exit angles on an even grid; or write exit_deg")
-    exit_deg: Annotated[tuple[ExitAngle, ...], Field(strict=False)] | None = Field(
-        default=None,
-        min_length=1,
-        max_length=MAX_DIRECTIONS,
-        description="list of exit angles, in degrees; or write exit",
-    )
-    azimuth_deg: float = Field(
-        default=0.0, ge=-360, le=360, description="angle of the sample about its normal, in degrees"
-    )
     retarder_deg: Annotated[tuple[AnalyzerAngle, ...], Field(strict=False)] | None = Field(
         default=None,
         description="one angle of the retarder's fast axis for each of analyzer_deg, in degrees, as the rig's slots "
@@ -105,8 +96,9 @@ class Recipe(Section):
     dark: bool = Field(default=True, description="whether to read the blocked slot in every direction")
     reference: Reference | None = Field(default=None, description="readings that follow the lamp; leave out for none")
     readings: HowOften = Field(
-        description="number of readings in every slot, 1 to 10000; or a list with one number for each exit angle; or a "
-        "group with at_least, at_most, and either signal_to_noise or dolp_error, which the readings are to reach"
+        description="number of readings in every slot, 1 to 10000; or a list with one number for each exit angle, or "
+        "for each of points; or a group with at_least, at_most, and either signal_to_noise or dolp_error, which the "
+        "readings are to reach"
     )
     exposure_s: float = Field(gt=0, le=3600, description="duration of one reading, in s")
     direction_within_s: float = Field(
@@ -149,17 +141,13 @@ class Recipe(Section):
         return angles_deg
 
     @model_validator(mode="after")
-    def _check_exit(self) -> Self:
-        if (self.exit is None) == (self.exit_deg is None):
-            found = "neither" if self.exit is None else "both"
-            raise ValueError(
-                f"found {found} of the keys exit and exit_deg; write one of them, for example "
-                "'exit: {start_deg: 0, stop_deg: 60, step_deg: 1}' or 'exit_deg: [0, 30, 60]'"
-            )
-        angles = len(self.exit_angles_deg())
+    def _check_readings(self) -> Self:
+        angles, named = len(self.exit_angles_deg()), "exit angles"
+        if self.has_points:
+            angles, named = len(self.directions_deg()), "points"
         if isinstance(self.readings, tuple) and len(self.readings) != angles:
             what = (
-                f"got a list of {len(self.readings)}; allowed: one number for each of the {angles} exit angles, or one "
+                f"got a list of {len(self.readings)}; allowed: one number for each of the {angles} {named}, or one "
                 "for all"
             )
             refuse_all([(("readings",), what)])
@@ -195,7 +183,7 @@ class Recipe(Section):
 
     @model_validator(mode="after")
     def _check_steering(self) -> Self:
-        refuse_all([*self._limit_faults(), *self._until_faults(), *self._adaptive_faults()])
+        refuse_all([*self._limit_faults(), *self._plane_faults(), *self._until_faults(), *self._adaptive_faults()])
         return self
 
     @property
@@ -237,6 +225,20 @@ class Recipe(Section):
                 "is for a scan that decides by itself when to end; add until or adaptive, or leave it out",
             )
 
+    def _plane_faults(self) -> Iterator[SectionFault]:
+        if not self.is_steered:
+            return
+        key = "adaptive" if self.adaptive else "until" if self.until else "at_most"
+        if self.follows_fit and not self.is_one_plane:
+            what = "a list of points" if self.has_points else "several angles of incidence or of the sample"
+            yield (
+                (key,),
+                f"chooses among exit angles only; {what} cannot be measured so. Leave {key} out, or write one angle of "
+                "each",
+            )
+        if self.repeats > 1:
+            yield ("repeats",), f"a scan with {key} goes on by itself for as long as it needs; leave repeats out"
+
     def _until_faults(self) -> Iterator[SectionFault]:
         free = self.fit.free_names
         for name in self.wanted:
@@ -273,15 +275,14 @@ class Recipe(Section):
         """Return the analyzer's settings: angles of polarizer and retarder, None without one, as the rig names them."""
         return tuple(zip(self.analyzer_deg, self.retarder_deg or (None,) * len(self.analyzer_deg), strict=True))
 
-    def exit_angles_deg(self) -> tuple[float, ...]:
-        """Return all exit angles in degrees, as the recipe lists them."""
-        if self.exit is not None:
-            return self.exit.angles_deg()
-        return self.exit_deg or ()
-
     def readings_of_angles(self) -> tuple[int, ...]:
-        """Return how many readings each exit angle gets in every slot, at most, in the order of `exit_angles_deg`."""
+        """How many readings each exit angle of a product, or each point of a list, gets in every slot, at most."""
         if isinstance(self.readings, tuple):
             return self.readings
         most = self.readings.at_most if isinstance(self.readings, Averaging) else self.readings
-        return (most,) * len(self.exit_angles_deg())
+        return (most,) * (len(self.exit_angles_deg()) or len(self.directions_deg()))
+
+    def readings_of_directions(self) -> tuple[int, ...]:
+        """How many readings each direction gets in every slot, at most, by its number."""
+        planes = 1 if self.has_points else len(self.incidences_deg()) * len(self.azimuths_deg())
+        return self.readings_of_angles() * planes

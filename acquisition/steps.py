@@ -64,7 +64,7 @@ class Step:
     """One place of the bench and the readings taken there, `reading_s` each of the whole `duration_s`.
 
     Where the scan averages until something is reached, `readings` is the most of them. `first_repeat` is how often the
-    slot was read in this direction before.
+    slot was read in this direction before. `cycle` counts the repeats of all directions, from 0.
     """
 
     point: int
@@ -78,6 +78,7 @@ class Step:
     retardance_deg: float | None = None
     reading_s: float = 0.0
     first_repeat: int = 0
+    cycle: int = 0
 
     @property
     def analyzer(self) -> AnalyzerState:

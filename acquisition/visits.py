@@ -33,6 +33,7 @@ class Visits:
         self._recipe, self._slots, self._timing = recipe, slots, timing
         self._tour = shortest_tour(recipe, slots, timing.analyzer)
         self._moving_s = Moving(timing)
+        self._incidence_deg, _, self._azimuth_deg = recipe.directions_deg()[0].tolist()
 
     def steps(self, point: int, exit_deg: float, readings: int, here: Target) -> tuple[Step, ...]:
         """The steps that measure an exit angle with so many readings in every slot, as the point of this number."""
@@ -52,7 +53,7 @@ class Visits:
     def closing_s(self) -> float:
         """The longest time that `closing` may take, from wherever a direction leaves the bench."""
         ends = [
-            Target(self._recipe.incidence_deg, exit_deg, self._recipe.azimuth_deg, slot)
+            self._target(exit_deg, slot)
             for exit_deg in set(self._recipe.exit_angles_deg())
             for slot, _, _ in (self._tour[0], self._tour[-1])
         ]
@@ -82,11 +83,15 @@ class Visits:
         if analyzer.move_s(slot, tour[-1][0]) < analyzer.move_s(slot, tour[0][0]):
             tour = tour[::-1]
         for slot, kind, state in tour:
-            yield kind, Target(recipe.incidence_deg, exit_deg, recipe.azimuth_deg, slot), state
+            yield kind, self._target(exit_deg, slot), state
+
+    def _target(self, exit_deg: float, slot: int) -> Target:
+        """In the plane of the recipe's first direction, which is the only one of a scan that decides as it goes."""
+        return Target(self._incidence_deg, exit_deg, self._azimuth_deg, slot)
 
     def _reference(self, reference: Reference) -> _Place:
         assert self._slots.open is not None, "a recipe with a reference is only accepted with an open slot"
-        place = Target(self._recipe.incidence_deg, reference.exit_deg, self._recipe.azimuth_deg, self._slots.open)
+        place = self._target(reference.exit_deg, self._slots.open)
         return "reference", place, AnalyzerState()
 
 

@@ -8,7 +8,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from acquisition.analyzer_matrix import analyzer_matrix
-from acquisition.expand import HOME, Step
+from acquisition.expand import HOME, Step, Target
 from acquisition.recipe import Recipe
 from goniometer.durations import clock_text
 from goniometer.load_files import Setup
@@ -76,13 +76,13 @@ def _size(readings: int) -> str:
 
 def _apart(steps: Sequence[Step]) -> list[str]:
     """How long the readings of one direction take, and so the lamp must keep."""
-    begun_s: dict[int, float] = {}
+    begun_s: dict[tuple[int, int], float] = {}
     now_s = longest_s = 0.0
     for step in steps:
         now_s += step.duration_s
         if step.kind != "reference":
             begin_s = now_s - step.readings * step.reading_s
-            longest_s = max(longest_s, now_s - begun_s.setdefault(step.point, begin_s))
+            longest_s = max(longest_s, now_s - begun_s.setdefault((step.point, step.cycle), begin_s))
     return [f"the readings of a direction are taken within {clock_text(longest_s)}"]
 
 
@@ -103,9 +103,18 @@ def _goes_on(run: Sequence[Step], step: Step) -> bool:
         return False
     if len(run) == 1:
         return step.point == last.point or step.target.slot == last.target.slot
-    if run[0].point == last.point:
-        return step.point == last.point
-    return step.target.slot == last.target.slot
+    if run[0].point == last.point or step.target.slot != last.target.slot:
+        return run[0].point == last.point and step.point == last.point
+    return _moving(last.target, step.target) in (_moving(run[0].target, run[1].target), (False, False, False))
+
+
+def _moving(here: Target, there: Target) -> tuple[bool, bool, bool]:
+    """Which axes go: a line of the plan is along the same ones."""
+    return (
+        here.incidence_deg != there.incidence_deg,
+        here.exit_deg != there.exit_deg,
+        here.azimuth_deg != there.azimuth_deg,
+    )
 
 
 def _outlook(recipe: Recipe, elapsed_s: float) -> list[str]:
@@ -126,11 +135,17 @@ def _outlook(recipe: Recipe, elapsed_s: float) -> list[str]:
 
 def _line(run: Sequence[Step], elapsed_s: float) -> str:
     first, last = run[0], run[-1]
-    points, exits = f"{first.point}", f"{first.target.exit_deg:.3f}°"
-    if last.point != first.point:
-        points, exits = f"{points} to {last.point}", f"{exits} to {last.target.exit_deg:.3f}°"
+    points = f"{first.point}" if last.point == first.point else f"{first.point} to {last.point}"
+    incidence = _ends(first.target.incidence_deg, last.target.incidence_deg, 3)
+    exits = _ends(first.target.exit_deg, last.target.exit_deg, 3, is_range=last.point != first.point)
+    azimuth = _ends(first.target.azimuth_deg, last.target.azimuth_deg, 2)
     slots = " ".join(str(slot) for slot in dict.fromkeys(step.target.slot for step in run))
-    return (
-        f"{points:>15}  {first.target.incidence_deg:8.3f}°  {exits:>20}  {first.target.azimuth_deg:6.2f}°  "
-        f"{slots:<18}  {clock_text(elapsed_s):>8}" + ("  reference" if first.kind == "reference" else "")
+    return f"{points:>15}  {incidence:>9}  {exits:>20}  {azimuth:>7}  {slots:<18}  {clock_text(elapsed_s):>8}" + (
+        "  reference" if first.kind == "reference" else ""
     )
+
+
+def _ends(first_deg: float, last_deg: float, decimals: int, *, is_range: bool = False) -> str:
+    if first_deg == last_deg and not is_range:
+        return f"{first_deg:.{decimals}f}°"
+    return f"{first_deg:.{decimals}f}° to {last_deg:.{decimals}f}°"

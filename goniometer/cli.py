@@ -33,7 +33,8 @@ def cli() -> None:
 @cli.command()
 @click.argument("file", type=FILE)
 @click.option("--rig", type=FILE, help="A rig file in place of the recipe's.")
-def check(file: Path, rig: Path | None) -> None:
+@click.option("--show", is_flag=True, help="Print a recipe with all that it includes instead, as a run keeps it.")
+def check(file: Path, rig: Path | None, show: bool) -> None:
     """Check a recipe with its rig and scene, and print its steps and their duration. Moves nothing.
 
     A rig or a scene can be checked alone.
@@ -41,7 +42,10 @@ def check(file: Path, rig: Path | None) -> None:
     from goniometer.check import describe_plan
     from goniometer.load_files import Setup, load_file, load_recipe
 
-    loaded = load_recipe(file, rig) if rig else load_file(file)
+    loaded = load_recipe(file, rig) if rig or show else load_file(file)
+    if show and isinstance(loaded, Setup):
+        click.echo(loaded.recipe_text.rstrip("\n"))
+        return
     click.echo(describe_plan(loaded) if isinstance(loaded, Setup) else f"{file} is valid.")
 
 
@@ -92,6 +96,16 @@ def schema(kind: Literal["recipe", "rig", "scene", "calibration-recipe", "calibr
     from goniometer.schema import schema as schema_of
 
     click.echo(json.dumps(schema_of(kind), indent=2))
+
+
+@cli.command()
+def presets() -> None:
+    """List the presets that a recipe can include by name."""
+    from goniometer.recipe_includes import PRESETS, preset_names
+
+    for name in preset_names():
+        first, _, _ = (PRESETS / f"{name}.yaml").read_text(encoding="utf-8").partition("\n")
+        click.echo(f"{name:<18} {first.removeprefix('# ')}")
 
 
 for command in (fit, compare, budget, devices, home, move, read, align, calibrate, stop, runs, export):

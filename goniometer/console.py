@@ -29,7 +29,7 @@ from goniometer.lasting_stream import LastingStream
 from goniometer.live_console import LiveConsole
 from goniometer.plain_json import plain
 from goniometer.plus_minus import plus_minus
-from goniometer.scan_so_far import ScanSoFar
+from goniometer.scan_so_far import ScanSoFar, in_plane
 
 Mode = Literal["auto", "plain", "quiet", "json"]
 
@@ -139,8 +139,10 @@ class PlainConsole:
     def _point(self, point: StokesPoint) -> str:
         total = self._scan.started and self._scan.started.points
         width, of_all = len(str(total or _USUAL_POINTS)), f" of {total}" if total else ""
+        started = self._scan.started
+        place = f"{in_plane(point)}  " if started is not None and started.has_planes else ""
         return (
-            f"{self._scan.points:>{width}}{of_all}  exit {point.exit_deg:z7.2f}°  "
+            f"{self._scan.points:>{width}}{of_all}  {place}exit {point.exit_deg:z7.2f}°  "
             f"S0 {plus_minus(point.stokes[0], math.sqrt(point.covariance[0, 0])):<19} /sr  "
             f"DoLP {plus_minus(point.dolp, point.dolp_stderr):<17}  "
             f"AoLP {plus_minus(point.aolp_deg, point.aolp_stderr_deg)}°"

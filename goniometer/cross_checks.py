@@ -7,6 +7,8 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from acquisition.analyzer_matrix import AnalyzerState, check_states
+from acquisition.exit_angles import AngleRange
+from acquisition.point_table import NAMES
 from acquisition.recipe import Recipe
 from goniometer.collision_zones import blocked_ways
 from goniometer.errors import ReductionError
@@ -109,22 +111,44 @@ def _angle_faults(recipe: Recipe, file: YamlFile, rig: Rig, rig_path: Path) -> I
 
 def _angles(recipe: Recipe) -> Iterator[tuple[Role, KeyPath, float]]:
     """The angles that axes are sent to, with their places; of a range, its ends."""
-    yield "source_arm", ("incidence_deg",), recipe.incidence_deg
-    yield "sample_azimuth", ("azimuth_deg",), recipe.azimuth_deg
-    if recipe.exit is not None:
-        yield "detector_arm", ("exit", "start_deg"), recipe.exit_angles_deg()[0]
-        yield "detector_arm", ("exit", "stop_deg"), recipe.exit_angles_deg()[-1]
-    for number, angle in enumerate(recipe.exit_deg or ()):
-        yield "detector_arm", ("exit_deg", number), angle
+    if recipe.has_points:
+        yield from _point_angles(recipe)
+    else:
+        yield from _listed_angles("source_arm", ("incidence_deg",), recipe.incidence_deg)
+        yield from _listed_angles("sample_azimuth", ("azimuth_deg",), recipe.azimuth_deg)
+        yield from _listed_angles("detector_arm", ("exit",), recipe.exit)
+        yield from _listed_angles("detector_arm", ("exit_deg",), recipe.exit_deg)
     if recipe.reference is not None:
         yield "detector_arm", ("reference", "exit_deg"), recipe.reference.exit_deg
+
+
+def _listed_angles(
+    role: Role, key: KeyPath, angles: float | tuple[float, ...] | AngleRange | None
+) -> Iterator[tuple[Role, KeyPath, float]]:
+    if isinstance(angles, AngleRange):
+        yield role, (*key, "start_deg"), angles.angles_deg()[0]
+        yield role, (*key, "stop_deg"), angles.angles_deg()[-1]
+    elif isinstance(angles, tuple):
+        yield from ((role, (*key, number), angle) for number, angle in enumerate(angles))
+    elif angles is not None:
+        yield role, key, angles
+
+
+def _point_angles(recipe: Recipe) -> Iterator[tuple[Role, KeyPath, float]]:
+    """The angles of every point; of a table, which has no places in the recipe, the ends of each column."""
+    roles: tuple[Role, ...] = ("source_arm", "detector_arm", "sample_azimuth")
+    for role, name, angles_deg in zip(roles, NAMES, recipe.directions_deg().T, strict=True):
+        if isinstance(recipe.points, str):
+            yield from ((role, ("points",), angle) for angle in {float(angles_deg.min()), float(angles_deg.max())})
+        else:
+            yield from ((role, ("points", number, name), angle) for number, angle in enumerate(angles_deg.tolist()))
 
 
 def path_on_rig(recipe: Recipe, file: YamlFile, rig: Rig, rig_path: Path) -> Iterator[Fault]:
     """Whether a scan can be run without a collision; for a recipe and a rig that fit together."""
     if not rig.zones:
         return
-    key = ("exit",) if recipe.exit is not None else ("exit_deg",)
+    key = ("points",) if recipe.has_points else ("exit",) if recipe.exit is not None else ("exit_deg",)
     # an adaptive scan may go from any of its angles to any other, and so from end to end
     travels = {role: axis.travel for role, axis in rig.axes().items()}
     for number, blocked in enumerate(blocked_ways(plan(recipe, rig), rig.zones, travels)):

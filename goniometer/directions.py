@@ -61,10 +61,10 @@ def directions_of(points: Sequence[StokesPoint], tolerances_deg: Mapping[Role, f
     """
     numbers = np.array([point.point for point in points])
     read_deg = {name: np.array([getattr(point, name) for point in points]) for name in _AXES}
-    levels = {name: _levels(read_deg[name], 2.0 * tolerances_deg[role]) for name, role in _AXES.items()}
-    counts = {name: int(level.max()) + 1 for name, level in levels.items()}
+    level_of = {name: levels(read_deg[name], 2.0 * tolerances_deg[role]) for name, role in _AXES.items()}
+    counts = {name: int(level.max()) + 1 for name, level in level_of.items()}
     shape = tuple(counts.values())
-    cells = np.ravel_multi_index(tuple(levels.values()), shape)
+    cells = np.ravel_multi_index(tuple(level_of.values()), shape)
     if cells.size != np.prod(shape) or np.unique(cells).size != cells.size:
         coordinates: Coordinates = {name: (("point",), values) for name, values in read_deg.items()}
         coordinates["point"] = (("point",), numbers)
@@ -73,14 +73,14 @@ def directions_of(points: Sequence[StokesPoint], tolerances_deg: Mapping[Role, f
     order = np.argsort(cells)
     coordinates = {}
     for name, values in read_deg.items():
-        means = np.bincount(levels[name], values) / np.bincount(levels[name])
+        means = np.bincount(level_of[name], values) / np.bincount(level_of[name])
         coordinates[name] = ((name,), means) if name in dimensions else ((), means[0])
     sizes = tuple(counts[name] for name in dimensions)
     coordinates["point"] = (dimensions, numbers[order].reshape(sizes))
     return Directions(dimensions, coordinates, order, sizes)
 
 
-def _levels(values: NDArray[np.float64], same: float) -> NDArray[np.intp]:
+def levels(values: NDArray[np.float64], same: float) -> NDArray[np.intp]:
     """Which angle each value belongs to, counted from the smallest; a gap larger than `same` parts two angles."""
     order = np.argsort(values, kind="stable")
     levels = np.empty(values.size, np.intp)

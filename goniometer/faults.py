@@ -55,8 +55,9 @@ def model_faults(error: ValidationError, file: YamlFile, kind: Kind) -> Iterator
     refusals = [_locate(details, file, root) for details in error.errors(include_url=False)]
     meant = {_meant_place(refusal) for refusal in refusals if _is_about_a_key(refusal.error)}
     said = set(file.unread)
-    # The deepest first: a list with a bad item is also, to pydantic, a list that is too short.
-    for refusal in sorted(refusals, key=lambda refusal: -len(refusal.place)):
+    # The deepest first: a list with a bad item is also, to pydantic, a list that is too short. A grid with a bad end is
+    # also neither a number nor a list.
+    for refusal in sorted(refusals, key=lambda refusal: (-len(refusal.place), refusal.error["type"] != "faults")):
         depth = len(refusal.place)
         is_said = depth > 0 and any(place[:depth] == refusal.place for place in said)
         is_written_otherwise = refusal.error["type"] == "missing" and refusal.place in meant

@@ -80,7 +80,7 @@ def load_recipe(path: Path, rig_path: Path | None = None) -> Setup:
         Lists every fault of the three files, sorted by file and line.
     """
     report = Report()
-    recipe_file = report.read(path, "recipe")
+    recipe_file = report.whole(report.read(path, "recipe"))
     recipe = report.validated(recipe_file, Recipe)
     rig_file = report.read(rig_path, "rig") if rig_path else report.read_named(recipe_file, "rig")
     rig = report.validated(rig_file, Rig)

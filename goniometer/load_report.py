@@ -9,6 +9,7 @@ from pydantic import BaseModel, ValidationError
 
 from goniometer.errors import ConfigurationError
 from goniometer.faults import model_faults
+from goniometer.recipe_includes import whole_recipe
 from goniometer.schema import MODELS, Kind
 from goniometer.yaml_file import Fault, YamlFile, read_yaml
 
@@ -34,6 +35,12 @@ class Report:
             raise ConfigurationError([str(file.fault((), f"this is a {other}, and a {kind} is needed here"))])
         self.faults += file.faults
         return file
+
+    def whole(self, file: YamlFile) -> YamlFile:
+        """A recipe with all that it includes."""
+        whole = whole_recipe(file)
+        self.faults += whole.faults[len(file.faults) :]
+        return whole
 
     def read_named(self, file: YamlFile, key: str) -> YamlFile | None:
         """Read the file that another one names; without a usable name there is none."""

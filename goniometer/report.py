@@ -15,12 +15,22 @@ from acquisition.whole_file import written_whole
 from goniometer.fitted_curve import FittedCurve
 from goniometer.fitting.remarks import remarks
 from goniometer.fitting.summary import ParameterRow, parameter_rows, quality
-from goniometer.plot_style import DPI, FAINT, RULE, STYLE
-from goniometer.report_panels import DATA_COLOUR, FIT_COLOUR, draw_quantity, draw_residuals, quantities
+from goniometer.plot_style import DPI, FAINT, INK, RULE, STYLE
+from goniometer.report_panels import (
+    DATA_COLOUR,
+    FIT_COLOUR,
+    Quantity,
+    draw_quantity,
+    draw_residuals,
+    plane_colours,
+    quantities,
+)
+from goniometer.scan_planes import Plane
 from model.fit import Dataset, FitResult
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+    from matplotlib.lines import Line2D
 
 _WIDTH_IN, _HEAD_IN, _PANELS_IN, _X_LABEL_IN = 13.0, 1.15, 5.2, 0.7
 _ROW_IN, _SMALL_ROW_IN, _FOOT_MARGIN_IN = 0.27, 0.155, 0.3
@@ -30,6 +40,12 @@ _GAP_OF_WIDTH = 0.052
 _TEXT_LEFT, _TEXT_COLUMNS, _QUALITY_COLUMNS = 0.535, 96, 92
 _COLUMNS = {"name": 0.0, "meaning": 0.04, "value": 0.225, "error": 0.235, "truth": 0.365, "off": 0.43}
 """Left edges of the parameter table's columns in parts of the width; value, truth and off end there."""
+_SAME_DEG = 0.005
+"""Angles closer than that are printed alike."""
+_MOST_NAMED = 7
+"""Planes of a scan that the key names."""
+_MOST_IN_ROW = 4
+"""Names of planes with both angles that fit in a line."""
 _STYLE: dict[Any, Any] = {
     **STYLE,
     "legend.frameon": False,
@@ -58,8 +74,9 @@ def draw_report(
     title: str,
     points: Sequence[StokesPoint],
     fit: FitResult | None,
-    curve: FittedCurve | None,
+    curves: Sequence[FittedCurve],
     truth: Mapping[str, float],
+    planes: Sequence[Plane] = (),
 ) -> None:
     """Draw S0, DoLP and AoLP against the exit angle with the fit, its residuals and its parameters, as a PNG file.
 
@@ -73,13 +90,15 @@ def draw_report(
     title : str
         What was measured.
     points : sequence of StokesPoint
-        At least one; all at one incidence and one azimuth.
+        At least one.
     fit : FitResult or None
         The fit of these points; without it there are no lines, residuals and parameters.
-    curve : FittedCurve or None
-        The same fit between the points; None without one.
+    curves : sequence of FittedCurve
+        The same fit between the points of each plane; none without a fit.
     truth : mapping of str to float
         The simulated sample's own parameters; empty for a real sample.
+    planes : sequence of Plane
+        Which points are at one incidence and one azimuth, each plane in a colour of its own; none: all of them.
 
     Raises
     ------
@@ -96,10 +115,11 @@ def draw_report(
         table_in = _ROW_IN * (len(fit.parameters) + 1.6) + _SMALL_ROW_IN * len(verdict)
         foot_in += max(table_in, _SMALL_ROW_IN * len(description))
     with mpl.rc_context(_STYLE), written_whole(path) as part:
-        figure = Figure(figsize=(_WIDTH_IN, _HEAD_IN + _PANELS_IN + foot_in))
+        head_in = _HEAD_IN + _ROW_IN * _key_rows(planes)
+        figure = Figure(figsize=(_WIDTH_IN, head_in + _PANELS_IN + foot_in))
         FigureCanvasAgg(figure)
-        _draw_head(figure, title, points, fit)
-        _draw_panels(figure, points, fit, curve, foot_in)
+        _draw_head(figure, title, points, fit, planes)
+        _draw_panels(figure, quantities(points, fit, curves, planes), head_in, foot_in, has_fit=fit is not None)
         if fit is not None:
             _draw_table(figure, parameter_rows(fit, truth), foot_in)
             _draw_text(figure, _LEFT, foot_in - _ROW_IN * (len(fit.parameters) + 1.4), verdict)
@@ -107,46 +127,92 @@ def draw_report(
         figure.savefig(part, format="png", dpi=DPI)
 
 
-def _draw_head(figure: Figure, title: str, points: Sequence[StokesPoint], fit: FitResult | None) -> None:
+def _draw_head(
+    figure: Figure, title: str, points: Sequence[StokesPoint], fit: FitResult | None, planes: Sequence[Plane]
+) -> None:
     from matplotlib.lines import Line2D
 
     height_in = figure.get_figheight()
-    incidence_deg = np.mean([point.incidence_deg for point in points])
-    azimuth_deg = np.mean([point.azimuth_deg for point in points])
     details = (
-        f"incidence {incidence_deg:z.2f}°     sample azimuth {azimuth_deg:z.2f}°     "
+        f"{_angles('incidence', [point.incidence_deg for point in points], planes)}     "
+        f"{_angles('sample azimuth', [point.azimuth_deg for point in points], planes)}     "
         f"{len(points)} point{'s' * (len(points) != 1)}     "
         "polarization: degree without the bias of noise, angle from the s-direction"
     )
     figure.text(_LEFT, 1.0 - 0.38 / height_in, title, size=16, weight="bold", va="center", parse_math=False)
     figure.text(_LEFT, 1.0 - 0.70 / height_in, details, color=FAINT, va="center")
-    key = [Line2D([], [], color=DATA_COLOUR, marker="o", ls="", ms=4, label="measured ± standard error")]
+    several = len(planes) > 1
+    colours = (INK, INK) if several else (DATA_COLOUR, FIT_COLOUR)
+    key = [Line2D([], [], color=colours[0], marker="o", ls="", ms=4, label="measured ± standard error")]
     if fit is not None:
-        key.append(Line2D([], [], color=FIT_COLOUR, label="fit"))
-    at = (_RIGHT, 1.0 - 0.70 / height_in)
+        key.append(Line2D([], [], color=colours[1], label="fit"))
+    at = (_RIGHT, 1.0 - (0.70 + (_ROW_IN if several else 0.0)) / height_in)
     figure.legend(handles=key, loc="center right", bbox_to_anchor=at, ncols=2, borderaxespad=0.0, borderpad=0.0)
+    if several:
+        shown, rows = _named_planes(planes), _key_rows(planes)
+        at = (_LEFT, 1.0 - (0.70 + _ROW_IN * (rows + 1) / 2) / height_in)
+        figure.legend(
+            handles=shown,
+            loc="center left",
+            bbox_to_anchor=at,
+            ncols=-(-len(shown) // rows),
+            borderaxespad=0.0,
+            borderpad=0.0,
+        )
 
 
-def _draw_panels(
-    figure: Figure, points: Sequence[StokesPoint], fit: FitResult | None, curve: FittedCurve | None, foot_in: float
-) -> None:
+def _angles(name: str, angles_deg: Sequence[float], planes: Sequence[Plane]) -> str:
+    """An angle that all points have in common, or from where to where it goes."""
+    if len(planes) == 1 or np.ptp(angles_deg) < _SAME_DEG:
+        return f"{name} {np.mean(angles_deg):z.2f}°"
+    return f"{name} {min(angles_deg):z.2f}° to {max(angles_deg):z.2f}°"
+
+
+def _has_azimuths(planes: Sequence[Plane]) -> bool:
+    return bool(np.ptp([plane.azimuth_deg for plane in planes]) >= _SAME_DEG)
+
+
+def _key_rows(planes: Sequence[Plane]) -> int:
+    """How many lines the key of the planes' colours takes; none for a single plane."""
+    if len(planes) < 2:
+        return 0
+    return 2 if _has_azimuths(planes) and len(planes) > _MOST_IN_ROW else 1
+
+
+def _named_planes(planes: Sequence[Plane]) -> list[Line2D]:
+    """The key of the planes' colours; of many planes some, evenly chosen, the first and the last among them."""
+    from matplotlib.lines import Line2D
+
+    has_azimuths = _has_azimuths(planes)
+    colours = plane_colours(len(planes))
+    places = sorted(set(np.linspace(0, len(planes) - 1, min(_MOST_NAMED, len(planes))).round().astype(int).tolist()))
+    names = [f"{plane.incidence_deg:z.2f}°" for plane in planes]
+    if has_azimuths:
+        names = [f"{name}, {plane.azimuth_deg:z.2f}°" for name, plane in zip(names, planes, strict=True)]
+    names[0] = f"incidence{', azimuth' if has_azimuths else ''}: {names[0]}"
+    key = [Line2D([], [], color=colours[place], marker="o", ms=4, label=names[place]) for place in places]
+    if len(places) < len(planes):
+        key.append(Line2D([], [], ls="", label=f"and others, {len(planes)} in all"))
+    return key
+
+
+def _draw_panels(figure: Figure, shown: Sequence[Quantity], head_in: float, foot_in: float, *, has_fit: bool) -> None:
     height_in = figure.get_figheight()
-    shown = quantities(points, fit, curve)
     grid = figure.add_gridspec(
         2,
         len(shown),
         height_ratios=(3.2, 1.0),
         left=_LEFT,
         right=_RIGHT,
-        top=1.0 - _HEAD_IN / height_in,
+        top=1.0 - head_in / height_in,
         bottom=(foot_in + _X_LABEL_IN) / height_in,
         wspace=_GAP_OF_WIDTH * len(shown) / (_RIGHT - _LEFT - _GAP_OF_WIDTH * (len(shown) - 1)),
         hspace=0.16,
     )
     for column, quantity in enumerate(shown):
-        lowest = axes = figure.add_subplot(grid[:, column] if fit is None else grid[0, column])
+        lowest = axes = figure.add_subplot(grid[0, column] if has_fit else grid[:, column])
         draw_quantity(axes, quantity)
-        if fit is not None:
+        if has_fit:
             lowest = figure.add_subplot(grid[1, column], sharex=axes)
             draw_residuals(lowest, quantity)
             lowest.set_title("residual in standard errors", loc="left", size="small", color=FAINT, pad=3.0)

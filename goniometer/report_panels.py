@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 
 from acquisition.readings import StokesPoint
 from goniometer.fitted_curve import FittedCurve
-from goniometer.plot_style import BAND, COLOURS, FAINT
+from goniometer.plot_style import BAND, COLOURS, FAINT, RULE
+from goniometer.scan_planes import Plane
 from model.fit import FitResult
 from model.geometry import FloatArray
 
@@ -31,7 +32,8 @@ _VAGUEST_DEG = 20.0
 class Quantity:
     """One measured quantity in the order of the exit angle, and the fit's values where there is a fit.
 
-    Arrays have the shape (N,), but for the fit's curve: exit angles in degrees and values, (K,) each. Values below
+    Arrays have the shape (N,), but for the fit's curves: exit angles in degrees and values, (K,) each, one curve for
+    each plane; `plane` says which of them a value belongs to, and None that there is only one. Values below
     `floor` or above `ceiling` are only marked at the edge; a floor goes with a logarithmic axis. Values with a standard
     error above `vaguest` are left out. `period` is that of an angle.
     """
@@ -41,11 +43,21 @@ class Quantity:
     measured: FloatArray
     stderr: FloatArray
     fitted: FloatArray | None
-    curve: tuple[FloatArray, FloatArray] | None = None
+    curves: tuple[tuple[FloatArray, FloatArray], ...] = ()
     floor: float | None = None
     ceiling: float | None = None
     vaguest: float | None = None
     period: float | None = None
+    plane: NDArray[np.intp] | None = None
+
+    def planes(self) -> Iterator[tuple[NDArray[np.bool_], str, str]]:
+        """Which values belong to each plane, and the colours of its values and of its curve."""
+        if self.plane is None:
+            yield np.ones(len(self.exit_deg), bool), DATA_COLOUR, FIT_COLOUR
+            return
+        count = int(self.plane.max()) + 1
+        for number, colour in enumerate(plane_colours(count)):
+            yield self.plane == number, colour, colour
 
     def residuals(self) -> FloatArray:
         """Measured less fitted in standard errors.
@@ -62,12 +74,26 @@ class Quantity:
         return difference / self.stderr
 
 
+def plane_colours(count: int) -> list[str]:
+    """A colour for each plane of a scan: the first one for a single one; of many, neighbours are alike."""
+    if count <= len(COLOURS):
+        return list(COLOURS[:count])
+    from matplotlib import colormaps
+    from matplotlib.colors import to_hex
+
+    return [to_hex(colormaps["viridis"](share)) for share in np.linspace(0.0, 0.92, count)]
+
+
 def quantities(
-    points: Sequence[StokesPoint], fit: FitResult | None = None, curve: FittedCurve | None = None
+    points: Sequence[StokesPoint],
+    fit: FitResult | None = None,
+    curves: Sequence[FittedCurve] = (),
+    planes: Sequence[Plane] = (),
 ) -> list[Quantity]:
     """S0, DoLP and AoLP of a scan, the last two from the fitted Stokes parameters where there is a fit.
 
-    Where S3 was measured, the degree of circular polarization follows; in plane the fitted surfaces make none.
+    Where S3 was measured, the degree of circular polarization follows; in plane the fitted surfaces make none. Without
+    planes, or with one, all points are in the same; there is a curve for each plane, or none at all.
     """
     order = np.argsort([point.exit_deg for point in points], kind="stable")
 
@@ -82,12 +108,14 @@ def quantities(
     aolp_deg = column(point.aolp_deg for point in points)
     aolp_stderr_deg = column(point.aolp_stderr_deg for point in points)
     fits = [None] * 3 if fit is None else _of_stokes(fit.stokes[order])
-    curves = [None] * 3 if curve is None else [(curve.exit_deg, line) for line in _of_stokes(curve.stokes)]
+    lines = [[(curve.exit_deg, line) for line in _of_stokes(curve.stokes)] for curve in curves]
+    s0_lines, dolp_lines, aolp_lines = (tuple(each) for each in zip(*lines, strict=True)) if lines else ((), (), ())
+    plane = _plane_of(len(points), planes)[order] if len(planes) > 1 else None
     shown = [
-        Quantity("$S_0$ (1/sr)", exit_deg, s0, s0_stderr, fits[0], curves[0], floor=_noise_floor(s0, s0_stderr)),
-        Quantity("degree of linear polarization", exit_deg, dolp, dolp_stderr, fits[1], curves[1], ceiling=1.0),
+        Quantity("$S_0$ (1/sr)", exit_deg, s0, s0_stderr, fits[0], s0_lines, floor=_noise_floor(s0, s0_stderr)),
+        Quantity("degree of linear polarization", exit_deg, dolp, dolp_stderr, fits[1], dolp_lines, ceiling=1.0),
         Quantity(
-            *("angle of linear polarization (°)", exit_deg, aolp_deg, aolp_stderr_deg, fits[2], curves[2]),
+            *("angle of linear polarization (°)", exit_deg, aolp_deg, aolp_stderr_deg, fits[2], aolp_lines),
             vaguest=_VAGUEST_DEG,
             period=180.0,
         ),
@@ -95,9 +123,17 @@ def quantities(
     if all(point.has_s3 for point in points):
         docp, docp_stderr = (column(getattr(point, name) for point in points) for name in ("docp", "docp_stderr"))
         fitted = None if fit is None else np.zeros(len(order))
-        line = None if curve is None else (curve.exit_deg, np.zeros(len(curve.exit_deg)))
-        shown.append(Quantity("degree of circular polarization", exit_deg, docp, docp_stderr, fitted, line))
-    return shown
+        zeros = tuple((curve.exit_deg, np.zeros(len(curve.exit_deg))) for curve in curves)
+        shown.append(Quantity("degree of circular polarization", exit_deg, docp, docp_stderr, fitted, zeros))
+    return [replace(quantity, plane=plane) for quantity in shown]
+
+
+def _plane_of(count: int, planes: Sequence[Plane]) -> NDArray[np.intp]:
+    """Of each of the points the number of its plane."""
+    plane_of = np.zeros(count, np.intp)
+    for number, plane in enumerate(planes):
+        plane_of[plane.rows] = number
+    return plane_of
 
 
 def _of_stokes(stokes: FloatArray) -> list[FloatArray]:
@@ -116,11 +152,10 @@ def draw_quantity(axes: Axes, quantity: Quantity) -> None:
         shown = _at_edge(axes, quantity, shown > quantity.ceiling, quantity.ceiling, "^", "△ {} above 1")
     if quantity.vaguest is not None:
         shown = _left_out(axes, shown, quantity.stderr > quantity.vaguest, "{} undetermined, not shown")
-    if quantity.curve is not None:
-        at_deg, line = quantity.curve
-        above = 3 if len(quantity.exit_deg) > _MANY else 1
-        axes.plot(at_deg, _broken_at_wraps(line, quantity.period), color=FIT_COLOUR, lw=1.4, zorder=above)
-    _draw_points(axes, quantity.exit_deg, shown, quantity.stderr)
+    above = 3 if len(quantity.exit_deg) > _MANY else 1
+    for (_, _, colour), (at_deg, line) in zip(quantity.planes(), quantity.curves, strict=False):
+        axes.plot(at_deg, _broken_at_wraps(line, quantity.period), color=colour, lw=1.4, zorder=above)
+    _draw_points(axes, quantity, shown, has_errors=True)
     axes.set_title(quantity.title, loc="left", size="medium")
     axes.set_ylim(*_limits(quantity, shown))
     ends_deg = quantity.exit_deg[[0, -1]]
@@ -132,27 +167,31 @@ def draw_residuals(axes: Axes, quantity: Quantity) -> None:
     """Draw what the fit leaves, in standard errors, over a band of one standard error."""
     residuals = quantity.residuals()
     axes.axhspan(-1.0, 1.0, color=BAND, lw=0.0)
-    axes.axhline(0.0, color=FIT_COLOUR, lw=1.2)
-    _draw_points(axes, quantity.exit_deg, residuals, None)
+    axes.axhline(0.0, color=FIT_COLOUR if quantity.plane is None else RULE, lw=1.2)
+    _draw_points(axes, quantity, residuals, has_errors=False)
     reach = 1.15 * float(np.nanmax(np.abs(residuals), initial=_LEAST_RESIDUAL_REACH / 1.15))
     axes.set_ylim(-reach, reach)
     axes.locator_params(axis="y", nbins=4, integer=True)
 
 
-def _draw_points(axes: Axes, exit_deg: FloatArray, values: FloatArray, stderr: FloatArray | None) -> None:
-    many = len(exit_deg) > _MANY
-    if stderr is not None:
-        width, opacity = (0.4, 0.1) if many else (0.9, 1.0)
-        axes.errorbar(exit_deg, values, stderr, fmt="none", ecolor=DATA_COLOUR, elinewidth=width, alpha=opacity)
-    axes.plot(exit_deg, values, "o", color=DATA_COLOUR, ms=1.8 if many else 3.4, mew=0.0, alpha=0.5 if many else 1.0)
+def _draw_points(axes: Axes, quantity: Quantity, values: FloatArray, *, has_errors: bool) -> None:
+    many = len(quantity.exit_deg) > _MANY
+    for of_plane, colour, _ in quantity.planes():
+        exit_deg, shown = quantity.exit_deg[of_plane], values[of_plane]
+        if has_errors:
+            width, opacity = (0.4, 0.1) if many else (0.9, 1.0)
+            stderr = quantity.stderr[of_plane]
+            axes.errorbar(exit_deg, shown, stderr, fmt="none", ecolor=colour, elinewidth=width, alpha=opacity)
+        axes.plot(exit_deg, shown, "o", color=colour, ms=1.8 if many else 3.4, mew=0.0, alpha=0.5 if many else 1.0)
 
 
 def _at_edge(
     axes: Axes, quantity: Quantity, lost: NDArray[np.bool_], edge: float, marker: str, note: str
 ) -> FloatArray:
     """Mark values that the axis cannot show, or only as accidents of noise, at its edge; the others come back."""
-    edges = np.full(np.count_nonzero(lost), edge)
-    axes.plot(quantity.exit_deg[lost], edges, marker, color=DATA_COLOUR, mfc="white", ms=4, mew=0.6)
+    for of_plane, colour, _ in quantity.planes():
+        there_deg = quantity.exit_deg[lost & of_plane]
+        axes.plot(there_deg, np.full(len(there_deg), edge), marker, color=colour, mfc="white", ms=4, mew=0.6)
     return _left_out(axes, quantity.measured, lost, note)
 
 
@@ -176,8 +215,10 @@ def _noise_floor(measured: FloatArray, stderr: FloatArray) -> float | None:
 def _limits(quantity: Quantity, shown: FloatArray) -> tuple[float, float]:
     """Limits by the values: error bars may run out of the picture, values may not."""
     # An angle turns anywhere where hardly anything is polarized: there its curve may leave the picture.
-    line = quantity.fitted if quantity.period is not None or quantity.curve is None else quantity.curve[1]
-    values = shown if line is None else np.concatenate([shown, line])
+    lines = [line for _, line in quantity.curves]
+    if quantity.period is not None or not lines:
+        lines = [] if quantity.fitted is None else [quantity.fitted]
+    values = np.concatenate([shown, *lines])
     values = values[np.isfinite(values)]
     low, high = (float(values.min()), float(values.max())) if values.size else (0.0, 1.0)
     if quantity.floor is not None:

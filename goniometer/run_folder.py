@@ -26,12 +26,17 @@ from goniometer.fitting.as_json import fit_json
 from goniometer.planning import averaged, detection, reduction
 from goniometer.report import draw_report
 from goniometer.rig_file import Rig
+from goniometer.scan_planes import scan_planes
 from goniometer.shared_errors import refits, with_shared_errors
 from model.fit import FitResult, SurfaceFamily, fit
 from sim_devices.scene import Scene
 
 _LONGEST_NAME = 60
 """Of a recipe's name as much goes into the folder's; some systems allow no more than 143 characters."""
+
+
+_MOST_PLANES = 100
+"""Planes that have colours and curves of their own; a picture of scattered directions shows points alone."""
 
 
 @dataclass(frozen=True)
@@ -187,9 +192,21 @@ def write_results(run: StoredRun) -> list[Path]:
     )
     with written_whole(fit_json_path) as part:
         part.write_text(_fit_json(run), encoding="utf-8")
-    curve = None if run.fit is None else fitted_curve(run.points, _family(run), run.fit)
-    draw_report(report, title=run.recipe.recipe, points=run.points, fit=run.fit, curve=curve, truth=run.truth)
+    _draw(report, run)
     return [csv, nexus, fit_json_path, report]
+
+
+def _draw(path: Path, run: StoredRun) -> None:
+    tolerances_deg = {role: axis.tolerance_deg for role, axis in run.rig.axes().items()}
+    planes, curves = scan_planes(run.points, tolerances_deg), []
+    if len(planes) > _MOST_PLANES:
+        planes = ()
+    if run.fit is not None:
+        for plane in planes:
+            points = [run.points[row] for row in plane.rows.tolist()]
+            curves.append(fitted_curve(points, _family(run), run.fit))
+    title, fit, truth = run.recipe.recipe, run.fit, run.truth
+    draw_report(path, title=title, points=run.points, fit=fit, curves=curves, truth=truth, planes=planes)
 
 
 def _family(run: MeasuredRun) -> SurfaceFamily:

@@ -120,7 +120,8 @@ def _measure(
             family = surface_family(recipe.fit, rig.calibration.acceptance_sr)
             fitting = stack.enter_context(LiveFit(family, fit_arguments(recipe.fit)))
         reducing = reduction(recipe, rig, setup.calibration)
-        pipeline = Pipeline(reducing, fitting, subscribers, averaged(recipe, rig))
+        is_repeated = recipe.repeats > 1
+        pipeline = Pipeline(reducing, fitting, subscribers, averaged(recipe, rig), is_repeated=is_repeated)
         stack.enter_context(_switching_threads_often())
         started = _started(setup, str(folder), bench_access.scene_text, bench.notes)
         pipeline.publish(started)
@@ -163,6 +164,7 @@ def _started(setup: Setup, folder: str, scene_text: str, notes: tuple[str, ...])
         truth=scene_truth(scene_text),
         notes=notes,
         aim=aim(recipe, setup.rig),
+        has_planes=not recipe.is_one_plane,
     )
 
 

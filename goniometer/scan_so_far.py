@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from acquisition.events import (
     DirectionChosen,
@@ -19,6 +19,11 @@ from acquisition.events import (
 )
 from acquisition.readings import StokesPoint
 from goniometer.durations import clock_text
+
+
+def in_plane(point: StokesPoint) -> str:
+    """In which plane a point lies, for scans with several."""
+    return f"incidence {point.incidence_deg:z6.2f}°  azimuth {point.azimuth_deg:z7.2f}°"
 
 
 @dataclass
@@ -41,7 +46,7 @@ class ScanSoFar:
     ended: ScanEnded | None = None
     doubts: tuple[str, ...] = ()
     readings: int = 0
-    points: int = 0
+    points_seen: set[int] = field(default_factory=set)
     start_s: float = 0.0
     step_s: float = 0.0
 
@@ -54,7 +59,7 @@ class ScanSoFar:
                 self.step, self.step_s = event, self.now_s()
             case PointReduced():
                 self.point = event.stokes_point
-                self.points += 1
+                self.points_seen.add(event.stokes_point.point)
             case FitUpdated():
                 self.fit, self.refusal = event, None
             case FitRefused():
@@ -67,6 +72,11 @@ class ScanSoFar:
                 self.doubts = event.doubts
             case ScanEnded():
                 self.ended = event
+
+    @property
+    def points(self) -> int:
+        """How many directions have been reduced, each counted once however often it is measured."""
+        return len(self.points_seen)
 
     def bench_elapsed_s(self) -> float:
         """How long the scan has taken up to its last step, on the bench's clock."""

@@ -24,6 +24,14 @@ MODELS: dict[Kind, type[BaseModel]] = {
 }
 
 
+_NAME: Node = {"type": "string", "minLength": 1}
+_INCLUDE: Node = {
+    "description": "presets (goniometer presets) and files whose keys are taken over where this file has none",
+    "anyOf": [_NAME, {"type": "array", "items": _NAME}],
+}
+"""No key of a recipe itself: what it names is merged before the recipe is checked."""
+
+
 def schema(kind: Kind) -> Node:
     """JSON Schema of a recipe, a rig or another kind of file, for editors that complete and check YAML.
 
@@ -33,6 +41,8 @@ def schema(kind: Kind) -> Node:
         Which file.
     """
     node: Node = _without_null(MODELS[kind].model_json_schema())
+    if kind == "recipe":
+        node["properties"]["include"] = _INCLUDE
     return {"$schema": "https://json-schema.org/draft/2020-12/schema", **node}
 
 

@@ -91,7 +91,10 @@ def _read_text(path: Path) -> str:
     with path.open("rb") as stream:
         content = stream.read(MAX_BYTES + 1)
     if len(content) > MAX_BYTES:
-        raise ValueError(f"is larger than {MAX_BYTES} bytes, which no file of this kind is")
+        raise ValueError(
+            f"is larger than {MAX_BYTES} bytes, which no file of this kind is. A long list of directions belongs in a "
+            "table beside the recipe (points_file)"
+        )
     # utf-8-sig drops the byte order mark that some editors put at the beginning.
     return content.decode("utf-8-sig")
 

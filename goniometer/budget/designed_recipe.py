@@ -48,6 +48,13 @@ def designed_recipe(recipe: Recipe, rig: Rig, sample: AssumedSample, wanted: str
     """
     if recipe.adaptive:
         raise ConfigurationError(["An adaptive recipe chooses its exit angles as it goes. No design was made."])
+    if not recipe.is_one_plane:
+        what = "a list of points" if recipe.has_points else "several angles of incidence or of the sample"
+        raise ConfigurationError(
+            [f"The recipe has {what}; a design chooses exit angles in one plane. No design was made."]
+        )
+    if recipe.repeats > 1:
+        raise ConfigurationError(["A design says how often to read each direction. Leave repeats out of the recipe."])
     family = surface_family(recipe.fit, rig.calibration.acceptance_sr)
     names = tuple(map(shown, family.names))
     angles_deg = _candidates_deg(recipe)

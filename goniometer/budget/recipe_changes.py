@@ -32,7 +32,7 @@ def changes(recipe: Recipe, rig: Rig) -> Iterator[Change]:
     if longer_s <= rig.detector.most_samples * rig.detector.sample_s:
         yield Change(f"exposure {longer_s:g} s", recipe.model_copy(update={"exposure_s": longer_s}))
     angles_deg = recipe.exit_angles_deg()
-    if len(angles_deg) > 1:
+    if len(angles_deg) > 1:  # a list of points has none
         yield Change("angles half as far apart", _with_angles(recipe, _finer(angles_deg)))
         yield from _wider(recipe, rig)
 

@@ -20,6 +20,7 @@ from goniometer.errors import ConfigurationError, FitError, JournalError
 from goniometer.faults import model_faults
 from goniometer.fitting.doubts import doubts
 from goniometer.load_files import load_rig
+from goniometer.recipe_includes import whole_recipe
 from goniometer.rig_file import Rig
 from goniometer.run_folder import measured, scene_truth
 from goniometer.shared_errors import refits
@@ -148,7 +149,7 @@ def choice_from(path: Path) -> FitChoice:
     ConfigurationError
         Lists every fault with file and line, of a recipe those of the whole.
     """
-    file = read_yaml(path)
+    file = whole_recipe(read_yaml(path))
     faults = list(file.faults)
     if file.data is not None:
         try:
@@ -177,7 +178,7 @@ def with_recipe(given: FitInput, path: Path) -> FitInput:
         Lists every fault of the fit section, or of the rig.
     """
     given = replace(given, choice=choice_from(path))
-    rig = (read_yaml(path).data or {}).get("rig")
+    rig = (whole_recipe(read_yaml(path)).data or {}).get("rig")
     if given.acceptance_sr is None and isinstance(rig, str):
         return replace(given, acceptance_sr=load_rig(path.parent / rig).calibration.acceptance_sr)
     return given

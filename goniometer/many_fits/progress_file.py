@@ -15,6 +15,7 @@ from acquisition.journal import FILE_NAME
 from goniometer import __version__
 from goniometer.errors import JournalError
 from goniometer.many_fits.row import CRASHED, Asked, Row
+from goniometer.recipe_includes import whole_recipe
 from goniometer.yaml_file import read_yaml
 
 _FORMAT = 1
@@ -141,7 +142,9 @@ def _digest(asked: Asked) -> str:
     digest = hashlib.sha256(json.dumps(dict(asked.changes), sort_keys=True).encode())
     if asked.recipe is not None:
         digest.update(asked.recipe.read_bytes())
-        rig = (read_yaml(asked.recipe).data or {}).get("rig")
+        whole = whole_recipe(read_yaml(asked.recipe))
+        digest.update(whole.text.encode())
+        rig = (whole.data or {}).get("rig")
         if isinstance(rig, str) and (asked.recipe.parent / rig).is_file():
             digest.update((asked.recipe.parent / rig).read_bytes())
     return digest.hexdigest()

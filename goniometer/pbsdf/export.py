@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
+from acquisition.recipe import Recipe
 from goniometer.errors import FitError
 from goniometer.pbsdf.half_angles import Reflectance
 from goniometer.pbsdf.table import Table, tabulated
@@ -17,6 +18,7 @@ WAVELENGTHS_NM = (450, 500, 550, 600, 650)
 """The plugin reads exactly five. A fit holds for one wavelength, so all five get the same matrices."""
 
 _CONE_NODES = 3
+_MOST_NAMED = 7
 
 
 def export_pbsdf(run: str | Path, path: str | Path) -> Table:
@@ -47,11 +49,19 @@ def export_pbsdf(run: str | Path, path: str | Path) -> Table:
     table = tabulated(_for_many_directions(stored.fit.surface))
     description = (
         f"{stored.recipe.recipe}: model fitted at {stored.recipe.wavelength_nm:g} nm and "
-        f"{stored.recipe.incidence_deg:g} degrees of incidence; all wavelengths of this table have the same matrices. "
+        f"{_incidences(stored.recipe)} degrees of incidence; all wavelengths of this table have the same matrices. "
         f"{stored.fit.description}"
     )
     write_pbsdf(Path(path), table, description)
     return table
+
+
+def _incidences(recipe: Recipe) -> str:
+    """The angles of incidence at which a recipe measures; of more than a few, the ends."""
+    angles_deg = np.unique(recipe.directions_deg()[:, 0])
+    if len(angles_deg) > _MOST_NAMED:
+        return f"{angles_deg[0]:g} to {angles_deg[-1]:g}"
+    return ", ".join(f"{angle:g}" for angle in angles_deg)
 
 
 def _for_many_directions(surface: Reflectance) -> Reflectance:

@@ -92,13 +92,13 @@ def drawn(monkeypatch: pytest.MonkeyPatch) -> list[Figure]:
 
 
 def _draw(path: Path, points: list[StokesPoint], title: str = "iron", truth: dict[str, float] | None = None) -> None:
-    draw_report(path, title=title, points=points, fit=_fit(points), curve=_curve(points), truth=truth or {})
+    draw_report(path, title=title, points=points, fit=_fit(points), curves=[_curve(points)], truth=truth or {})
 
 
 @pytest.mark.parametrize(("count", "has_fit"), [(1, False), (3, True), (61, False), (2000, True)])
 def test_a_picture_comes_of_any_number_of_points(tmp_path: Path, count: int, has_fit: bool) -> None:
     points = _scan(count)
-    fitted = {"fit": _fit(points), "curve": _curve(points)} if has_fit else {"fit": None, "curve": None}
+    fitted = {"fit": _fit(points), "curves": [_curve(points)]} if has_fit else {"fit": None, "curves": []}
     draw_report(tmp_path / "report.png", title="iron", points=points, **fitted, truth=TRUTH)
     picture = matplotlib.image.imread(tmp_path / "report.png")
     assert picture.shape[1] == 1950
@@ -155,7 +155,7 @@ def test_negative_s0_is_marked_and_counted_not_dropped(tmp_path: Path) -> None:
 
 def test_a_scan_without_any_light_is_drawn_all_the_same(tmp_path: Path) -> None:
     points = [_point(float(deg), -1e-4) for deg in range(5)]
-    draw_report(tmp_path / "report.png", title="dark", points=points, fit=None, curve=None, truth={})
+    draw_report(tmp_path / "report.png", title="dark", points=points, fit=None, curves=[], truth={})
 
 
 def test_circular_polarization_has_a_panel_where_it_was_measured(tmp_path: Path, drawn: list[Figure]) -> None:
@@ -172,7 +172,7 @@ def test_circular_polarization_has_a_panel_where_it_was_measured(tmp_path: Path,
         for point in _scan(61)
     ]
     linear = _fit(_scan(61))
-    draw_report(tmp_path / "report.png", title="iron", points=points, fit=linear, curve=_curve(_scan(61)), truth={})
+    draw_report(tmp_path / "report.png", title="iron", points=points, fit=linear, curves=[_curve(_scan(61))], truth={})
     titles = [axes.get_title("left") for axes in drawn[0].axes]
     assert titles.count("degree of circular polarization") == 1
     *_, docp = quantities(points, linear)
@@ -201,13 +201,13 @@ def test_points_are_drawn_in_the_order_of_the_exit_angle() -> None:
 
 def test_drawing_leaves_the_users_matplotlib_alone(tmp_path: Path) -> None:
     before = dict(mpl.rcParams)
-    draw_report(tmp_path / "report.png", title="iron", points=_scan(3), fit=None, curve=None, truth={})
+    draw_report(tmp_path / "report.png", title="iron", points=_scan(3), fit=None, curves=[], truth={})
     assert dict(mpl.rcParams) == before
 
 
 def test_a_folder_that_is_not_there_is_named(tmp_path: Path) -> None:
     with pytest.raises(JournalError, match="cannot be written"):
-        report.draw_report(tmp_path / "no" / "report.png", title="x", points=_scan(3), fit=None, curve=None, truth={})
+        report.draw_report(tmp_path / "no" / "report.png", title="x", points=_scan(3), fit=None, curves=[], truth={})
 
 
 def test_a_fit_is_drawn_between_the_points_as_the_instrument_would_report_it(
@@ -236,7 +236,7 @@ def test_a_fit_is_drawn_between_the_points_as_the_instrument_would_report_it(
     assert np.diff(curve.exit_deg).max() < 0.5
     assert_allclose(curve.stokes, reported(curve.exit_deg), rtol=1e-6, atol=1e-9)
 
-    draw_report(tmp_path / "report.png", title="few", points=points, fit=found, curve=curve, truth={})
+    draw_report(tmp_path / "report.png", title="few", points=points, fit=found, curves=[curve], truth={})
     (figure,) = drawn
     panels = [axes for axes in figure.axes if axes.get_title("left").startswith(("$S_0$", "degree"))]
     for axes, expected in zip(

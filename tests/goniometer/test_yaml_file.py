@@ -195,7 +195,11 @@ def test_a_missing_file_a_folder_and_a_huge_file_are_refused_by_name(tmp_path: P
     assert str(missing.faults[0]).startswith(f"{tmp_path / 'none.yaml'}: does not exist. Check the name")
     assert str(folder.faults[0]) == f"{tmp_path}: is not a file but a folder or a device. Write the name of a YAML file"
     assert faults(read(b"a: 1\n" + b"#" * 1_000_000)) == [
-        (None, "is larger than 1000000 bytes, which no file of this kind is")
+        (
+            None,
+            "is larger than 1000000 bytes, which no file of this kind is. A long list of directions belongs in a table "
+            "beside the recipe (points_file)",
+        )
     ]
     assert missing.data is folder.data is None
 

@@ -1,0 +1,43 @@
+"""The planes of a scan: directions of one incidence and one turn of the sample, which a curve may connect."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from acquisition.readings import StokesPoint
+from goniometer.directions import levels
+from goniometer.rig_devices.entry import Role
+
+
+@dataclass(frozen=True, eq=False)
+class Plane:
+    """Rows of a scan's points in one plane, its incidence and its sample azimuth in degrees as they were read back."""
+
+    rows: NDArray[np.intp]
+    incidence_deg: float
+    azimuth_deg: float
+
+
+def scan_planes(points: Sequence[StokesPoint], tolerances_deg: Mapping[Role, float]) -> tuple[Plane, ...]:
+    """The planes of points, by incidence and then by azimuth; every point is in one.
+
+    Parameters
+    ----------
+    points : sequence of StokesPoint
+        The directions as they were read back.
+    tolerances_deg : mapping of Role to float
+        How far from its target an axis may stop: positions no farther apart than twice that are the same angle.
+    """
+    incidence_deg = np.array([point.incidence_deg for point in points])
+    azimuth_deg = np.array([point.azimuth_deg for point in points])
+    of_incidence = levels(incidence_deg, 2.0 * tolerances_deg["source_arm"])
+    of_azimuth = levels(azimuth_deg, 2.0 * tolerances_deg["sample_azimuth"])
+    number = of_incidence * (int(of_azimuth.max()) + 1) + of_azimuth
+    return tuple(
+        Plane(rows, float(incidence_deg[rows].mean()), float(azimuth_deg[rows].mean()))
+        for rows in (np.flatnonzero(number == one) for one in np.unique(number))
+    )
