@@ -4,16 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial
 from typing import Protocol
 
-from acquisition.events import Event, LinkRestored, StepStarted
+from acquisition.catching_up import CatchingUp
+from acquisition.earlier import Earlier
+from acquisition.events import Event, LinkRestored, ReadingStored, StepStarted
 from acquisition.expand import Step, Target
-from acquisition.journal import Journal
+from acquisition.journal import LINK_LOST, Journal
 from acquisition.lost_links import LostLinks
 from acquisition.placement import Placement
 from acquisition.protocols import Analyzer, Detector, HomingAxis
+from acquisition.readings import Reading
 from acquisition.readout import Readout
 from acquisition.signal_to_noise import Enough, as_planned
 from acquisition.stopping import stop_all
@@ -33,7 +36,8 @@ class Bench:
     """The devices of a goniometer, by their roles; `notes` are what they said on connecting.
 
     `polarizer` and `retarder` are the axes that turn a rotating analyzer, None where there is none; in a scan the
-    analyzer moves them. `to_home` are the axes that every scan homes before it begins.
+    analyzer moves them. `to_home` are the axes that every scan homes before it begins. `identities` are what devices
+    say of themselves, with their serial numbers, where they have any.
     """
 
     source_arm: HomingAxis
@@ -46,6 +50,7 @@ class Bench:
     polarizer: HomingAxis | None = None
     to_home: tuple[HomingAxis, ...] = ()
     retarder: HomingAxis | None = None
+    identities: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def axes(self) -> dict[str, HomingAxis]:
@@ -116,6 +121,13 @@ class Engine:
         How long the rest of the scan takes.
     enough : callable
         Says when a step has its readings; without it, when it has as many as were planned.
+    earlier : Earlier, optional
+        What an earlier process has taken of the scan.
+
+    Attributes
+    ----------
+    readings_taken : int
+        How many readings are stored.
     """
 
     def __init__(
@@ -127,18 +139,23 @@ class Engine:
         check: Callable[[], None],
         time_left: TimeLeft,
         enough: Enough = as_planned,
+        earlier: Earlier | None = None,
     ) -> None:
         self._bench, self._clock, self._journal = bench, clock, journal
         self._publish, self._check, self._time_left = publish, check, time_left
         self._placement = Placement(bench, clock, self._wait)
         self._links = LostLinks(bench, clock, self._wait, self._begin_again)
-        self._links_restored = 0
-        self._readout = Readout(bench, clock, journal, publish, self._placement, self._wait, enough)
-
-    @property
-    def readings_taken(self) -> int:
-        """How many readings are stored."""
-        return self._readout.readings_taken
+        self._catching_up = CatchingUp(
+            earlier or Earlier(),
+            clock,
+            check,
+            come_by=self._come_by,
+            arrive=self._arrive,
+            take=lambda step, after: self._take(step, (), after),
+            tell=self._tell,
+        )
+        self._readout = Readout(bench, clock, self._keep, self._placement, self._wait, enough)
+        self.readings_taken = 0
 
     def home(self) -> None:
         """Home the axes that the bench says, one after the other: on its way, nobody knows where an axis is.
@@ -174,7 +191,7 @@ class Engine:
                 raise without_home(turned.name, "the scan was not begun")
 
     def run(self, steps: Sequence[Step], ahead: Target | None = None) -> None:
-        """Run steps; the caller stops the bench after the last ones (`stopped_afterwards`).
+        """Run steps that are not there already; the caller stops the bench after the last ones (`stopped_afterwards`).
 
         Parameters
         ----------
@@ -191,6 +208,10 @@ class Engine:
             When `check` says so.
         """
         for step, after in zip(steps, [*(step.target for step in steps[1:]), ahead], strict=True):
+            if self._catching_up.passes_over(step):
+                continue
+            self._links.begin_step()
+            there = self._catching_up.take_up(step)
             target = step.target
             self._publish(
                 StepStarted(
@@ -205,21 +226,43 @@ class Engine:
                 )
             )
             self._check()
-            self._links.begin_step()
-            taken = self._readout.readings_taken
-            while not self._readout.has_all(step, taken):
-                self._links.through(partial(self._readout.take, step, taken, after))
-                after = None  # a reading was in doubt: the bench stays until one is not
+            self._take(step, there, after)
             self._time_left.step_done(step.duration_s)
         if ahead is None:
             self._links.begin_step()
             self._links.through(self._placement.require_still_there)
 
+    def _take(self, step: Step, there: Sequence[Reading], after: Target | None) -> None:
+        """Take the readings of a step but for the first ones that are there."""
+        self._readout.begin(there)
+        while not self._readout.has_all(step):
+            self._links.through(partial(self._readout.take, step, after))
+            after = None  # a reading was in doubt: the bench stays until one is not
+
+    def _keep(self, reading: Reading) -> None:
+        if not self._catching_up.compares(reading):
+            self._journal.append(reading, is_planned=self._catching_up.is_planned)
+            self._tell(reading)
+
+    def _tell(self, reading: Reading) -> None:
+        self.readings_taken += 1
+        self._publish(ReadingStored(reading))
+
+    def _come_by(self, place: Target) -> None:
+        def come() -> None:
+            self._placement.arrive(place)
+            self._placement.read_back(anew=True)
+
+        self._links.through(come)
+
+    def _arrive(self, place: Target) -> None:
+        self._links.through(partial(self._placement.arrive, place))
+
     def _begin_again(self, restored: LinkRestored) -> None:
         self._placement.leave()
-        self._links_restored += 1
         note = f"after {self.readings_taken} readings: {restored}"
-        self._journal.remember(f"link lost {self._links_restored}", note)
+        before = sum(key.startswith(LINK_LOST) for key in self._journal.about())
+        self._journal.remember(f"{LINK_LOST} {before + 1}", note)
         self._publish(restored)
 
     def _wait(self, duration_s: float) -> None:

@@ -8,42 +8,46 @@ from __future__ import annotations
 
 import sqlite3
 from collections.abc import Mapping
-from dataclasses import astuple, fields
+from dataclasses import astuple, dataclass
 from pathlib import Path
 from types import TracebackType
-from typing import Self
+from typing import Any, Self
 
+from acquisition.interruption import Interruption
+from acquisition.journal_damage import damage, readable_part
+from acquisition.journal_schema import APPEND, COLUMNS, CREATE, FORMAT, INTERRUPTED, INTERRUPTIONS, MISSING
 from acquisition.readings import Reading
 from goniometer.errors import JournalError
 
 FILE_NAME = "journal.sqlite"
-_FORMAT = "2"
-_COLUMNS = tuple(field.name for field in fields(Reading))
-_MISSING = {"1": ("retarder_deg", "retardance_deg"), _FORMAT: ()}
-"""Columns that the journals of each format do not have; nothing stood in their place."""
+STOPPED = "stopped"
+"""The key of `about` under which stands why a scan has ended before its time."""
+LINK_LOST = "link lost"
+"""How the keys of `about` begin under which stand the links that were lost, and taken up again."""
 
-_TYPES = {"point": "INTEGER", "kind": "TEXT", "repeat": "INTEGER", "slot": "INTEGER"}
-_CREATE = (
-    "CREATE TABLE about (key TEXT PRIMARY KEY, value TEXT NOT NULL) STRICT",
-    f"""CREATE TABLE readings (
-    id INTEGER PRIMARY KEY,
-    {", ".join(f"{name} {_TYPES.get(name, 'REAL')}" for name in _COLUMNS)},
-    stored_at TEXT NOT NULL DEFAULT (strftime('%Y-%m-%dT%H:%M:%fZ', 'now'))
-) STRICT""",
-)
-_NAMES = ", ".join(_COLUMNS)
-_APPEND = f"INSERT INTO readings ({_NAMES}) VALUES ({', '.join('?' * len(_COLUMNS))})"  # noqa: S608 (names are ours)
+
+@dataclass(frozen=True)
+class StoredReading:
+    """A reading, and whether the recipe's plan has it."""
+
+    reading: Reading
+    is_planned: bool
 
 
 class Journal:
     """The readings of one run, and what is needed to understand them.
 
-    Use `create` for a new run and `open` for a stored one.
+    Use `create` for a new run, `open` for a stored one, and `go_on` to write a stored one on.
+
+    Attributes
+    ----------
+    damage : str
+        What is wrong with the file; empty for a whole one. Of a damaged one `readings` gives those before the damage.
     """
 
-    def __init__(self, connection: sqlite3.Connection, path: Path, stored: str = _FORMAT) -> None:
-        self._connection, self.path = connection, path
-        names = ("NULL" if name in _MISSING[stored] else name for name in _COLUMNS)
+    def __init__(self, connection: sqlite3.Connection, path: Path, stored: str = FORMAT, damage: str = "") -> None:
+        self._connection, self.path, self._stored, self.damage = connection, path, stored, damage
+        names = ("NULL" if name in MISSING[stored] else name for name in COLUMNS)
         self._select = f"SELECT {', '.join(names)} FROM readings ORDER BY id"  # noqa: S608 (names are ours)
 
     @classmethod
@@ -62,9 +66,9 @@ class Journal:
             connection.execute("PRAGMA journal_mode=WAL")
             connection.execute("PRAGMA synchronous=FULL")
             connection.execute("BEGIN")
-            for table in _CREATE:
+            for table in CREATE:
                 connection.execute(table)
-            connection.executemany("INSERT INTO about VALUES (?, ?)", [("format", _FORMAT), *sorted(about.items())])
+            connection.executemany("INSERT INTO about VALUES (?, ?)", [("format", FORMAT), *sorted(about.items())])
             connection.execute("COMMIT")
         except sqlite3.Error as error:
             raise JournalError(f"{path} cannot be begun: {error}. No device was moved. Is the disk full?") from error
@@ -72,7 +76,7 @@ class Journal:
 
     @classmethod
     def open(cls, path: Path) -> Journal:
-        """Open a stored journal for reading, whole or cut short by a kill.
+        """Open a stored journal for reading, of a finished run or of one cut short; also what is left of a damaged one.
 
         Raises
         ------
@@ -86,9 +90,12 @@ class Journal:
         try:
             connection = sqlite3.connect(path, isolation_level=None)
             connection.execute("PRAGMA query_only=ON")
+            if found := damage(path, connection):
+                connection.close()
+                connection = readable_part(path)
             has_begun = connection.execute("SELECT count(*) FROM sqlite_schema").fetchone() != (0,)
             stored = connection.execute("SELECT value FROM about WHERE key='format'").fetchone() if has_begun else None
-        except sqlite3.Error as error:
+        except (sqlite3.Error, OSError) as error:
             raise JournalError(f"{path} cannot be read as a journal: {error}.") from error
         if not has_begun:
             connection.close()
@@ -96,16 +103,53 @@ class Journal:
                 f"{path} is empty: the run was cut off before its first step. There is nothing to look at."
             )
         (number,) = stored or ("none",)
-        if number not in _MISSING:
+        if number not in MISSING:
             connection.close()
             raise JournalError(
-                f"{path} has journal format {number}; this version of goniometer reads {' and '.join(_MISSING)}. Read "
+                f"{path} has journal format {number}; this version of goniometer reads {' and '.join(MISSING)}. Read "
                 "it with the version that wrote it, or a newer one."
             )
-        return cls(connection, path, number)
+        return cls(connection, path, number, found)
 
-    def append(self, reading: Reading) -> None:
+    @classmethod
+    def go_on(cls, path: Path) -> Journal:
+        """Open a stored journal to write it on; every page of it is looked at first.
+
+        Raises
+        ------
+        JournalError
+            When there is no journal there, it is damaged, or an earlier version wrote it.
+        """
+        journal = cls.open(path)
+        try:
+            if journal.damage:
+                raise JournalError(
+                    f"{path} is damaged, and nothing was written to it: {journal.damage}. Copy the folder away before "
+                    f"anything else and look at the disk. What can still be read: goniometer fit {path.parent}. Then "
+                    "run the recipe again."
+                )
+            if journal._stored != FORMAT:
+                raise JournalError(
+                    f"{path} was begun by an earlier version of goniometer (journal format {journal._stored}), which "
+                    "did not write down what a scan needs to go on. Nothing was changed. Run the recipe again; what "
+                    f"was measured can be fitted: goniometer fit {path.parent}"
+                )
+            journal._connection.execute("PRAGMA query_only=OFF")
+            journal._connection.execute("PRAGMA synchronous=FULL")
+        except BaseException:
+            journal.close()
+            raise
+        return journal
+
+    def append(self, reading: Reading, *, is_planned: bool = True) -> None:
         """Store one reading; when this returns it is on disk.
+
+        Parameters
+        ----------
+        reading : Reading
+            What was read.
+        is_planned : bool
+            Whether the recipe's plan has it, or it was taken besides because the scan was interrupted.
 
         Raises
         ------
@@ -113,11 +157,12 @@ class Journal:
             When it cannot be stored; everything stored before stays readable.
         """
         try:
-            self._connection.execute(_APPEND, astuple(reading))
+            self._connection.execute(APPEND, (*astuple(reading), is_planned))
         except sqlite3.Error as error:
             raise JournalError(
                 f"{self.path}: reading at point {reading.point} could not be stored: {error}. "
-                "All earlier readings are safe; the scan stops. Free disk space, then run the recipe again."
+                "All earlier readings are safe; the scan stops. Free disk space, then go on with: goniometer resume "
+                f"{self.path.parent}"
             ) from error
 
     def remember(self, key: str, text: str) -> None:
@@ -133,16 +178,65 @@ class Journal:
         except sqlite3.Error as error:
             raise JournalError(f"{self.path}: '{key}' could not be stored: {error}. All readings are safe.") from error
 
+    def begin_again(self, at: str, by: str) -> None:
+        """Note that the scan was interrupted and goes on, and forget why it had stopped.
+
+        Parameters
+        ----------
+        at : str
+            When, in ISO 8601.
+        by : str
+            The program that goes on, and where.
+
+        Raises
+        ------
+        JournalError
+            When it cannot be stored.
+        """
+        try:
+            self._connection.execute("BEGIN IMMEDIATE")
+            self._connection.execute(INTERRUPTED, (STOPPED, at, by))
+            self._connection.execute("DELETE FROM about WHERE key=?", (STOPPED,))
+            self._connection.execute("COMMIT")
+        except sqlite3.Error as error:
+            raise JournalError(
+                f"{self.path}: that the scan goes on could not be stored: {error}. All readings are safe; no further "
+                "one was taken."
+            ) from error
+
+    def interruptions(self) -> tuple[Interruption, ...]:
+        """When the scan was interrupted, and went on, in order."""
+        if self._stored != FORMAT:
+            return ()
+        return tuple(Interruption(*row) for row in self._rows(INTERRUPTIONS))
+
+    def last_stored_at(self) -> str | None:
+        """When the last reading was stored, by the computer's clock, in ISO 8601; None when there is none."""
+        row = self._connection.execute("SELECT stored_at FROM readings ORDER BY id DESC LIMIT 1").fetchone()
+        return None if row is None else str(row[0])
+
+    def taken(self) -> tuple[StoredReading, ...]:
+        """All stored readings, and whether the plan has them, in the order they were taken."""
+        rows = self._rows(f"SELECT {', '.join(COLUMNS)}, is_planned FROM readings ORDER BY id")  # noqa: S608 (names are ours)
+        return tuple(StoredReading(Reading(*row[:-1]), bool(row[-1])) for row in rows)
+
     def readings(self) -> tuple[Reading, ...]:
         """All stored readings, in the order they were taken."""
-        try:
-            return tuple(Reading(*row) for row in self._connection.execute(self._select))
-        except sqlite3.Error as error:
-            raise JournalError(f"{self.path}: the readings cannot be read: {error}.") from error
+        return tuple(Reading(*row) for row in self._rows(self._select))
 
     def about(self) -> dict[str, str]:
         """Recipe, rig and scene texts, versions, seed."""
-        return dict(self._connection.execute("SELECT key, value FROM about"))
+        return dict(self._rows("SELECT key, value FROM about"))
+
+    def _rows(self, query: str) -> list[tuple[Any, ...]]:
+        """The rows that a query finds, those before the damage if there is any."""
+        rows: list[tuple[Any, ...]] = []
+        try:
+            rows.extend(self._connection.execute(query))
+        except sqlite3.Error as error:
+            if not self.damage:
+                raise JournalError(f"{self.path} cannot be read: {error}.") from error
+        return rows
 
     def close(self) -> None:
         """Close the file; SQLite folds its write-ahead log in."""

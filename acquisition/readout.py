@@ -6,12 +6,10 @@ leaves as soon as the last reading of a step has all its light; that one is conf
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
-from acquisition.events import Event, ReadingStored
 from acquisition.expand import Step, Target
-from acquisition.journal import Journal
 from acquisition.placement import Placement
 from acquisition.readings import Reading
 from acquisition.signal_to_noise import Enough, as_planned
@@ -41,44 +39,38 @@ class Readout:
         The devices.
     clock : Clock
         The bench's clock.
-    journal : Journal
-        Where each reading is stored before anybody hears of it.
-    publish : callable
-        Called with each reading that is stored.
+    keep : callable
+        Called with each reading that is confirmed, to store it.
     placement : Placement
         Brings the bench where a step wants it.
     wait : callable
         Lets time pass; raises to end the scan.
     enough : callable
         Says when a step has its readings.
-
-    Attributes
-    ----------
-    readings_taken : int
-        How many readings are stored.
     """
 
     def __init__(
         self,
         bench: Bench,
         clock: Clock,
-        journal: Journal,
-        publish: Callable[[Event], None],
+        keep: Callable[[Reading], None],
         placement: Placement,
         wait: Callable[[float], None],
         enough: Enough = as_planned,
     ) -> None:
-        self._detector, self._clock, self._journal = bench.detector, clock, journal
-        self._publish, self._placement, self._wait = publish, placement, wait
-        self._enough, self._of_step = enough, list[float]()
-        self.readings_taken = 0
+        self._detector, self._clock, self._keep_reading = bench.detector, clock, keep
+        self._placement, self._wait, self._enough = placement, wait, enough
+        self._powers_w: list[float] = []
 
-    def has_all(self, step: Step, before: int) -> bool:
-        """Whether a step has its readings, when so many were stored before it."""
-        del self._of_step[self.readings_taken - before :]
-        return self._enough(step, self._of_step)
+    def begin(self, there: Sequence[Reading]) -> None:
+        """Begin a step, of which these readings are there already."""
+        self._powers_w = [reading.power_w for reading in there]
 
-    def take(self, step: Step, before: int, after: Target | None) -> None:
+    def has_all(self, step: Step) -> bool:
+        """Whether a step has its readings."""
+        return self._enough(step, self._powers_w)
+
+    def take(self, step: Step, after: Target | None) -> None:
         """Take the readings that a step still wants, where it wants them.
 
         Returns without the last one when that was in doubt after the bench had left.
@@ -87,8 +79,6 @@ class Readout:
         ----------
         step : Step
             What is wanted.
-        before : int
-            How many readings were stored before the step.
         after : Target or None
             Where to leave for as soon as the last one has its light; None: nowhere.
 
@@ -99,11 +89,11 @@ class Readout:
         ScanInterrupted
             When waiting says so.
         """
-        if self.has_all(step, before):
+        if self.has_all(step):
             return  # the link was lost behind the last reading
         self._placement.arrive(step.target)
         taken: Reading | None = None
-        for repeat in range(self.readings_taken - before, step.readings):
+        for repeat in range(len(self._powers_w), step.readings):
             time_s = self._clock.now()
             self._detector.start_reading(step.exposure_s)
             if taken is not None:
@@ -115,7 +105,7 @@ class Readout:
             if self._is_taken_again() and leaves:
                 return
             taken = _reading(step, repeat, time_s, angles_deg, self._detector.power_w())
-            is_enough = self._enough(step, [*self._of_step, taken.power_w])
+            is_enough = self._enough(step, [*self._powers_w, taken.power_w])
             if is_enough and not is_last and after is not None:
                 failure = self._departure(after)
             if failure is not None:
@@ -158,12 +148,10 @@ class Readout:
         return is_again
 
     def _keep(self, reading: Reading) -> None:
-        """Store a reading and tell of it, unless the analyzer has left its slot."""
+        """Keep a reading, unless the analyzer has left its slot."""
         self._placement.require_slot(reading.slot)
-        self._journal.append(reading)
-        self.readings_taken += 1
-        self._of_step.append(reading.power_w)
-        self._publish(ReadingStored(reading))
+        self._keep_reading(reading)
+        self._powers_w.append(reading.power_w)
 
 
 def _reading(step: Step, repeat: int, time_s: float, angles_deg: tuple[float, ...], power_w: float) -> Reading:

@@ -33,6 +33,21 @@ class WallClock:
         time.sleep(duration_s)
 
 
+class LaterClock:
+    """Another clock, ahead by `ahead_s`: time that goes on where an earlier process has left it."""
+
+    def __init__(self, clock: Clock, ahead_s: float) -> None:
+        self._clock, self._ahead_s = clock, ahead_s
+
+    def now(self) -> float:
+        """Seconds of the other clock and those that it is ahead."""
+        return self._clock.now() + self._ahead_s
+
+    def sleep(self, duration_s: float) -> None:
+        """Wait on the other clock."""
+        self._clock.sleep(duration_s)
+
+
 class Deadline:
     """A time limit that is fair to a device on a simulated clock.
 

@@ -56,4 +56,5 @@ def connected(
             axes.get("polarizer"),
             tuple(axes[role] for role, axis in rig.axes().items() if axis.home_at_start),
             axes.get("retarder"),
+            bench.identities,
         )

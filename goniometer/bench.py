@@ -10,12 +10,13 @@ from numbers import Real
 from pathlib import Path
 from typing import Literal
 
-from drivers.clock import Clock, WallClock
+from drivers.clock import Clock, LaterClock, WallClock
 from goniometer.bench_commands.port_lock import held_ports
 from goniometer.errors import ConfigurationError
 from goniometer.load_files import BenchSetup, load_scene
 from goniometer.rig_file import Rig
 from sim_devices.bench import Bench as SimulatedBench
+from sim_devices.past import Past
 from sim_devices.scene import Scene
 from sim_devices.serving.clock import ScaledClock, VirtualClock
 from sim_devices.serving.remote_clock import RemoteClock
@@ -32,8 +33,19 @@ class BenchAccess:
     scene_text: str
 
 
+@dataclass(frozen=True)
+class LeftOff:
+    """How a process has left a bench: when on the bench's clock, how long ago, and what it had been through."""
+
+    ended_s: float
+    ago_s: float
+    past: Past
+
+
 @contextmanager
-def simulate(scene: Scene | str | Path, speed: Speed = 1.0) -> Iterator[SimulatedBench]:
+def simulate(
+    scene: Scene | str | Path, speed: Speed = 1.0, left_off: LeftOff | None = None
+) -> Iterator[SimulatedBench]:
     """Serve a scene as a simulated bench on loopback while the block lasts.
 
     Parameters
@@ -42,6 +54,8 @@ def simulate(scene: Scene | str | Path, speed: Speed = 1.0) -> Iterator[Simulate
         The scene, or the file that holds it.
     speed : float or "max"
         Seconds of the bench in a second of real time; "max" is virtual time, where whoever waits moves the clock on.
+    left_off : LeftOff, optional
+        How a process has left the bench. Virtual time begins at zero all the same, and other time where it was.
 
     Yields
     ------
@@ -55,7 +69,8 @@ def simulate(scene: Scene | str | Path, speed: Speed = 1.0) -> Iterator[Simulate
     """
     if not isinstance(scene, Scene):
         scene = load_scene(Path(scene)).scene
-    bench = SimulatedBench(scene, _clock(speed))
+    clock, past = (_clock(speed), Past()) if left_off is None else (_clock(speed, left_off.ended_s), left_off.past)
+    bench = SimulatedBench(scene, clock, past)
     bench.start()
     try:
         yield bench
@@ -63,19 +78,19 @@ def simulate(scene: Scene | str | Path, speed: Speed = 1.0) -> Iterator[Simulate
         bench.stop()
 
 
-def _clock(speed: Speed) -> VirtualClock | ScaledClock:
+def _clock(speed: Speed, begin_s: float = 0.0) -> VirtualClock | ScaledClock:
     if speed == "max":
         return VirtualClock()
     if not (isinstance(speed, Real) and 0 < speed < math.inf):
         raise ConfigurationError(
             [f"got the speed {speed!r}; allowed: a number, its seconds in a real one, or 'max' for virtual time"]
         )
-    return ScaledClock(speed)
+    return ScaledClock(speed, begin_s)
 
 
 @contextmanager
-def access(setup: BenchSetup, speed: Speed | None) -> Iterator[BenchAccess]:
-    """The bench that a recipe's rig asks for, while the block lasts.
+def access(setup: BenchSetup, speed: Speed | None, left_off: LeftOff | None = None) -> Iterator[BenchAccess]:
+    """The bench that a recipe's rig asks for, while the block lasts; its time goes on where a process has left off.
 
     Raises
     ------
@@ -89,15 +104,17 @@ def access(setup: BenchSetup, speed: Speed | None) -> Iterator[BenchAccess]:
     if rig.bench is not None:
         _refuse_speed(speed, setup, "the bench is served by another process: give --speed to goniometer simulate")
         with held_ports(ports.values()), closing(RemoteClock(rig.bench)) as clock:
-            yield BenchAccess(clock, ports, clock.scene_text)
+            behind_s = 0.0 if left_off is None or clock.speed == "max" else left_off.ended_s - clock.now()
+            yield BenchAccess(LaterClock(clock, behind_s) if behind_s > 0 else clock, ports, clock.scene_text)
     elif rig.is_simulated:
         assert setup.scene is not None, "a simulated rig is only accepted with a scene"
-        with simulate(setup.scene, 1.0 if speed is None else speed) as bench:
+        with simulate(setup.scene, 1.0 if speed is None else speed, left_off) as bench:
             yield BenchAccess(bench.clock, served_ports(rig, bench), setup.scene_text)
     else:
         _refuse_speed(speed, setup, "real devices keep their own time")
         with held_ports(ports.values()):
-            yield BenchAccess(WallClock(), ports, "")
+            ahead_s = 0.0 if left_off is None else left_off.ended_s + left_off.ago_s
+            yield BenchAccess(LaterClock(WallClock(), ahead_s), ports, "")
 
 
 def served_ports(rig: Rig, bench: SimulatedBench) -> dict[str, str]:

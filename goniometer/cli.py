@@ -18,8 +18,8 @@ from goniometer import __version__
 from goniometer.cli_bench import align, devices, home, move, read, stop
 from goniometer.cli_calibrate import calibrate
 from goniometer.cli_fits import budget, compare, fit
-from goniometer.cli_options import FILE, Speed, SpeedType
-from goniometer.cli_runs import export, runs
+from goniometer.cli_options import FILE, Speed, SpeedType, mode_of, tell_results
+from goniometer.cli_runs import export, resume, runs
 from goniometer.errors import ConfigurationError, GoniometerError, ScanInterrupted
 from goniometer.wire_trace import WIRE_LOG
 
@@ -61,20 +61,13 @@ def run(
     recipe: Path, rig: Path | None, out: Path, speed: Speed | None, quiet: bool, as_json: bool, trace: bool
 ) -> None:
     """Run a recipe: scan, reduce, fit, and write the results into a folder of their own."""
-    from goniometer.console import Mode, console_for
+    from goniometer.console import console_for
     from goniometer.run_recipe import run as run_recipe
 
-    if quiet and as_json:
-        raise click.UsageError("--quiet and --json exclude each other: choose one.")
-    mode: Mode = "quiet" if quiet else "json" if as_json else "auto"
+    mode = mode_of(quiet=quiet, as_json=as_json)
     with console_for(mode, sys.stdout) as console:
         stored = run_recipe(recipe, rig_path=rig, out=out, speed=speed, trace=trace, subscribers=[console])
-    if mode == "auto":
-        click.echo(f"Everything is in {stored.folder}")
-    if stored.fit is None:
-        raise GoniometerError(
-            f"The readings are stored in {stored.folder}, but they could not be fitted: {stored.refusal}"
-        )
+    tell_results(stored, mode)
 
 
 @cli.command()
@@ -108,7 +101,7 @@ def presets() -> None:
         click.echo(f"{name:<18} {first.removeprefix('# ')}")
 
 
-for command in (fit, compare, budget, devices, home, move, read, align, calibrate, stop, runs, export):
+for command in (fit, compare, budget, devices, home, move, read, align, calibrate, stop, runs, resume, export):
     cli.add_command(command)
 
 

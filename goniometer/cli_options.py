@@ -4,11 +4,16 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import click
 
+from goniometer.errors import GoniometerError
 from goniometer.wire_trace import WIRE_LOG
+
+if TYPE_CHECKING:
+    from goniometer.console import Mode
+    from goniometer.run_folder import StoredRun
 
 Speed = float | Literal["max"]
 
@@ -23,6 +28,23 @@ def _wire_log(context: click.Context, param: click.Parameter, is_asked_for: bool
 
 
 TRACE = click.option("--trace", is_flag=True, callback=_wire_log, help=f"Write every byte into {WIRE_LOG}, here.")
+
+
+def mode_of(*, quiet: bool, as_json: bool) -> Mode:
+    """How a scan is shown."""
+    if quiet and as_json:
+        raise click.UsageError("--quiet and --json exclude each other: choose one.")
+    return "quiet" if quiet else "json" if as_json else "auto"
+
+
+def tell_results(stored: StoredRun, mode: Mode) -> None:
+    """Say where a run's results are; raises GoniometerError when its points could not be fitted."""
+    if mode == "auto":
+        click.echo(f"Everything is in {stored.folder}")
+    if stored.fit is None:
+        raise GoniometerError(
+            f"The readings are stored in {stored.folder}, but they could not be fitted: {stored.refusal}"
+        )
 
 
 class Number(click.FloatRange):

@@ -1,12 +1,14 @@
-"""The commands about stored runs: list, search, open, export."""
+"""The commands about stored runs: list, search, open, export, and the one that goes on with a run."""
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 
 import click
 
-from goniometer.cli_options import FILE
+from goniometer.cli_options import FILE, Speed, SpeedType, mode_of, tell_results
+from goniometer.wire_trace import WIRE_LOG
 
 
 @click.command()
@@ -30,6 +32,40 @@ def runs(words: tuple[str, ...], folder: Path, name: str | None) -> None:
         click.echo(catalogue_text(found))
     else:
         click.echo(f"No run in {folder}{' has ' + ' and '.join(words) if words else ''}.", err=True)
+
+
+@click.command()
+@click.argument("run", type=FILE, metavar="RUN")
+@click.option("--rig", type=FILE, help="The run's rig file with other ports.")
+@click.option("--speed", type=SpeedType(), help="Time scale of the simulated bench, 0.1 to 1000; max: virtual time.")
+@click.option("--sample-untouched", is_flag=True, help="Say that the sample is still mounted as it was.")
+@click.option("--quiet", is_flag=True, help="Show nothing but errors.")
+@click.option("--json", "as_json", is_flag=True, help="One event a line, as JSON.")
+@click.option("--trace", is_flag=True, help=f"Write every byte into {WIRE_LOG} in the run's folder.")
+def resume(
+    run: Path,
+    rig: Path | None,
+    speed: Speed | None,
+    sample_untouched: bool,
+    quiet: bool,
+    as_json: bool,
+    trace: bool,
+) -> None:
+    """Continue a run that was cut short, at its first missing reading."""
+    from goniometer.console import console_for
+    from goniometer.resume import SAME_SAMPLE, resume
+
+    def is_same_sample() -> bool:
+        return sample_untouched or (sys.stdin.isatty() and click.confirm(SAME_SAMPLE, err=True))
+
+    mode = mode_of(quiet=quiet, as_json=as_json)
+    with console_for(mode, sys.stdout) as console:
+        resumed = resume(
+            run, rig_path=rig, speed=speed, is_same_sample=is_same_sample, trace=trace, subscribers=[console]
+        )
+    if resumed.was_finished:
+        click.echo(f"{run} was finished already: {len(resumed.run.readings)} readings. Nothing was moved.", err=True)
+    tell_results(resumed.run, mode)
 
 
 @click.command()

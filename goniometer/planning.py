@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
+
+import numpy as np
 
 from acquisition.adaptive import Adaptive, first_exits_deg
 from acquisition.averaged import Averaged
@@ -12,7 +15,8 @@ from acquisition.events import Event
 from acquisition.expand import HOME, Slots, Step, Visits, expand
 from acquisition.expected_noise import Detection
 from acquisition.fit_points import surface_family
-from acquisition.lamp_level import LARGEST_CHANGE
+from acquisition.lamp_level import LARGEST_CHANGE, SIGNIFICANT
+from acquisition.readings import Reading
 from acquisition.recipe import Recipe
 from acquisition.reduce import NoiseModel, Radiometry, Reduction
 from acquisition.rounds import Rounds
@@ -91,6 +95,25 @@ def course(
     if recipe.adaptive:
         choose = Adaptive(recipe, visits, family, detection(recipe, rig))
     return Steering(recipe, visits, family, choose, clock, publish)
+
+
+def references(recipe: Recipe, rig: Rig) -> Callable[[int], tuple[Step, ...]]:
+    """The steps by which the lamp is read once more at a point, besides the plan; none without references."""
+    visits = Visits(recipe, slots(rig), timing(rig))
+    return lambda point: visits.closing(point, HOME)
+
+
+def alike(recipe: Recipe, rig: Rig) -> Callable[[Reading, Reading], bool]:
+    """Whether two readings at the same place may be of the same light, but for noise and a lamp that drifts."""
+    noise = detection(recipe, rig).noise
+    largest_change = recipe.reference.largest_change if recipe.reference else LARGEST_CHANGE
+
+    def are_alike(before: Reading, now: Reading) -> bool:
+        powers_w = np.array([before.power_w, now.power_w])
+        stderr_w = math.sqrt(noise.variance(powers_w, np.array([before.exposure_s, now.exposure_s])).sum())
+        return bool(np.ptp(powers_w) <= SIGNIFICANT * stderr_w + largest_change * np.abs(powers_w).max())
+
+    return are_alike
 
 
 def aim(recipe: Recipe, rig: Rig) -> str:

@@ -11,6 +11,9 @@ import subprocess
 from datetime import datetime
 from pathlib import Path
 
+import yaml
+
+from acquisition.engine import Bench
 from goniometer.load_files import BenchSetup
 
 _PACKAGES = ("goniometer", "numpy", "scipy", "pyserial")
@@ -53,6 +56,11 @@ def provenance(setup: BenchSetup, scene_text: str, begun: datetime) -> dict[str,
         "recipe_git": git_state(setup.recipe_path.resolve()),
         "goniometer_git": git_state(Path(__file__).resolve().parent),
     }
+
+
+def devices_text(bench: Bench) -> str:
+    """What devices said of themselves, by their names, as YAML; without those that have no serial number to tell."""
+    return yaml.safe_dump(dict(bench.identities))
 
 
 def git_state(path: Path) -> str:

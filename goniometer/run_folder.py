@@ -117,7 +117,14 @@ def measured(folder: str | Path) -> MeasuredRun:
     if folder.name == journal.FILE_NAME:
         folder = folder.parent
     with Journal.open(folder / journal.FILE_NAME) as stored:
-        readings, about = stored.readings(), stored.about()
+        readings, about, interruptions = stored.readings(), stored.about(), stored.interruptions()
+        damage = (
+            f"{stored.path} is damaged ({stored.damage}): {len(readings)} readings can be read" if stored.damage else ""
+        )
+    if interruptions:
+        about["interruptions"] = "\n".join(map(str, interruptions))
+    if damage and not {"recipe", "rig", "scene"} <= about.keys():
+        raise JournalError(f"{damage}, but not what they are of. Look for a copy of the journal.")
     recipe, rig, calibration = remembered(folder, about)
     reduced_by = reduction(recipe, rig, calibration)
     points = reduced_by.scan(readings)
@@ -125,7 +132,7 @@ def measured(folder: str | Path) -> MeasuredRun:
         raise ReductionError(
             f"{folder} holds {len(readings)} readings and not one finished direction: there is nothing to reduce."
         )
-    doubts, reached = reduced_by.doubts(readings, points), averaged(recipe, rig)
+    doubts, reached = (*filter(None, [damage]), *reduced_by.doubts(readings, points)), averaged(recipe, rig)
     if reached is not None:
         doubts += reached.doubts(readings, points)
     return MeasuredRun(folder, recipe, rig, readings, points, about, doubts, calibration)

@@ -10,19 +10,21 @@ from pathlib import Path
 
 from acquisition import journal
 from acquisition.course import Course
+from acquisition.earlier import Earlier
 from acquisition.engine import Bench, Engine, stopped_afterwards
 from acquisition.events import FitUpdated, ScanEnded, ScanStarted, Subscriber
 from acquisition.fit_points import fit_arguments, surface_family
-from acquisition.journal import Journal
+from acquisition.journal import STOPPED, Journal
 from acquisition.live_fit import LiveFit
 from acquisition.pipeline import Pipeline
 from acquisition.time_left import TimeLeft
 from drivers.clock import Clock
 from goniometer.assembly import connected
-from goniometer.bench import Speed, access
+from goniometer.bench import BenchAccess, Speed, access
+from goniometer.errors import JournalError, ScanInterrupted
 from goniometer.load_files import Setup, load_recipe
 from goniometer.planning import aim, averaged, course, enough, plan, reduction, span_s
-from goniometer.provenance import provenance
+from goniometer.provenance import devices_text, provenance
 from goniometer.run_folder import StoredRun, new_run_folder, scene_truth, stored_run, write_results
 from goniometer.run_lock import sole_writer
 from goniometer.signals import Interruption
@@ -79,17 +81,22 @@ def run(
     setup = load_recipe(Path(recipe_path), Path(rig_path) if rig_path else None)
     with Interruption() as interruption:
         folder = _measure(setup, Path(out), speed, live_fit, trace, subscribers, interruption)
-        try:
-            interruption.check()
-            result = stored_run(folder)
-            if result.fit is not None:
-                for subscriber in subscribers:
-                    subscriber(FitUpdated(len(result.points), result.fit))
-            interruption.check()
-            write_results(result)
-        except BaseException as error:
-            error.add_note(f"All readings are stored. Write the results with: goniometer fit {folder}")
-            raise
+        return results(folder, subscribers, interruption)
+
+
+def results(folder: Path, subscribers: Sequence[Subscriber], interruption: Interruption) -> StoredRun:
+    """Fit what a scan has measured, tell it, and write it beside the journal."""
+    try:
+        interruption.check()
+        result = stored_run(folder)
+        if result.fit is not None:
+            for subscriber in subscribers:
+                subscriber(FitUpdated(len(result.points), result.fit))
+        interruption.check()
+        write_results(result)
+    except BaseException as error:
+        error.add_note(f"All readings are stored. Write the results with: goniometer fit {folder}")
+        raise
     return result
 
 
@@ -113,8 +120,45 @@ def _measure(
         bench = stack.enter_context(connected(rig, bench_access.ports, clock, recipe.wavelength_nm, log))
         interruption.check()
         stack.enter_context(sole_writer(folder))
-        about = provenance(setup, bench_access.scene_text, begun)
+        about = provenance(setup, bench_access.scene_text, begun) | {"devices": devices_text(bench)}
         stored = stack.enter_context(Journal.create(folder / journal.FILE_NAME, about))
+        scan(setup, bench, bench_access, stored, subscribers, interruption, live_fit=live_fit)
+    return folder
+
+
+def scan(
+    setup: Setup,
+    bench: Bench,
+    bench_access: BenchAccess,
+    stored: Journal,
+    subscribers: Sequence[Subscriber],
+    interruption: Interruption,
+    *,
+    live_fit: bool,
+    earlier: Earlier | None = None,
+    notes: tuple[str, ...] = (),
+) -> None:
+    """Take all readings that are not there yet, in the calling thread.
+
+    Parameters
+    ----------
+    setup : Setup
+        What to measure with which devices.
+    bench, bench_access
+        The devices, connected, and their clock.
+    stored : Journal
+        Where the readings go.
+    subscribers, live_fit
+        As for `run`.
+    interruption : Interruption
+        Ends the scan.
+    earlier : Earlier, optional
+        What is there already.
+    notes : tuple of str
+        What a person should know beside what the devices said.
+    """
+    recipe, rig, clock, folder = setup.recipe, setup.rig, bench_access.clock, stored.path.parent
+    with ExitStack() as stack:
         fitting = None
         if live_fit and not recipe.follows_fit:
             family = surface_family(recipe.fit, rig.calibration.acceptance_sr)
@@ -123,7 +167,7 @@ def _measure(
         is_repeated = recipe.repeats > 1
         pipeline = Pipeline(reducing, fitting, subscribers, averaged(recipe, rig), is_repeated=is_repeated)
         stack.enter_context(_switching_threads_often())
-        started = _started(setup, str(folder), bench_access.scene_text, bench.notes)
+        started = _started(setup, str(folder), bench_access.scene_text, (*notes, *bench.notes), earlier)
         pipeline.publish(started)
         time_left = TimeLeft(
             clock,
@@ -132,17 +176,23 @@ def _measure(
             is_longest=recipe.averaging is not None,
         )
         way = course(recipe, rig, clock, pipeline.publish, time_left.step_done)
-        engine = Engine(bench, clock, stored, pipeline.publish, interruption.check, time_left, enough(recipe, rig))
+        engine = Engine(
+            bench, clock, stored, pipeline.publish, interruption.check, time_left, enough(recipe, rig), earlier
+        )
         try:
             _scan(engine, bench, way, clock, pipeline)
         except BaseException as error:
-            if engine.readings_taken:
-                error.add_note(f"Every reading shown is stored. Look at them with: goniometer fit {folder}")
+            with suppress(JournalError):  # on a full disk it is not known later why the scan has stopped
+                stored.remember(STOPPED, error.reason if isinstance(error, ScanInterrupted) else str(error))
+            if engine.readings_taken or earlier:
+                error.add_note(
+                    f"Every reading shown is stored. Look at them with: goniometer fit {folder}\n"
+                    f"Go on with: goniometer resume {folder}"
+                )
             else:
                 error.add_note(f"No reading had been taken; {folder} holds none.")
             raise
         stored.remember("ended", way.reason)
-    return folder
 
 
 def _remove_if_empty(folder: Path) -> None:
@@ -151,16 +201,19 @@ def _remove_if_empty(folder: Path) -> None:
         folder.rmdir()
 
 
-def _started(setup: Setup, folder: str, scene_text: str, notes: tuple[str, ...]) -> ScanStarted:
-    """What is known of a scan at its beginning."""
+def _started(
+    setup: Setup, folder: str, scene_text: str, notes: tuple[str, ...], earlier: Earlier | None
+) -> ScanStarted:
+    """What is known of a scan at its beginning; the steps that are there already take no time."""
     recipe = setup.recipe
     steps = None if recipe.follows_fit else plan(recipe, setup.rig)
+    passed_s = sum(step.duration_s for step in earlier.steps[:-1]) if earlier else 0.0
     return ScanStarted(
         run=folder,
         recipe=recipe.recipe,
         points=None if steps is None else len({step.point for step in steps}),
         readings=None if steps is None or recipe.is_steered else sum(step.readings for step in steps),
-        expected_duration_s=recipe.time_limit_s or span_s(recipe, setup.rig)[1],
+        expected_duration_s=recipe.time_limit_s or span_s(recipe, setup.rig)[1] - passed_s,
         truth=scene_truth(scene_text),
         notes=notes,
         aim=aim(recipe, setup.rig),

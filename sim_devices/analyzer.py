@@ -30,6 +30,8 @@ class WheelAnalyzer:
     ----------
     slots : mapping of int to float or str
         A polarizer's angle from s in degrees, "open" or "blocked", by slot.
+    turns : int
+        How often the wheel has turned before.
 
     Attributes
     ----------
@@ -39,8 +41,8 @@ class WheelAnalyzer:
         What each slot holds, as `row` has it.
     """
 
-    def __init__(self, slots: Mapping[int, float | Literal["open", "blocked"]]) -> None:
-        self.wheel = Wheel()
+    def __init__(self, slots: Mapping[int, float | Literal["open", "blocked"]], turns: int = 0) -> None:
+        self.wheel = Wheel(turns)
         self.rows = {slot: analyzer_row(holds) for slot, holds in slots.items()}
 
     def row(self, time_s: float) -> Row | None:

@@ -11,6 +11,7 @@ from goniometer.errors import DeviceFaultError
 from sim_devices.device import Device, Reports, Tell
 from sim_devices.faults.switchboard import Switchboard
 from sim_devices.modbus.tcp import ModbusTcp
+from sim_devices.past import Past
 from sim_devices.scene import Scene
 from sim_devices.serving.clock import BenchClock
 from sim_devices.serving.reactor import Reactor
@@ -35,6 +36,8 @@ class Bench:
         What the bench holds.
     clock : BenchClock
         The time it runs on.
+    past : Past
+        What it has been through before.
 
     Attributes
     ----------
@@ -46,9 +49,9 @@ class Bench:
         Where what goes wrong is switched on; those of the scene are from the start.
     """
 
-    def __init__(self, scene: Scene, clock: BenchClock) -> None:
+    def __init__(self, scene: Scene, clock: BenchClock, past: Past = Past()) -> None:  # noqa: B008 (frozen)
         self.clock = clock
-        self.world = World(scene)
+        self.world = World(scene, past)
         self.addresses: dict[str, Address] = {}
         self._reactor = Reactor(clock)
         self._ports: dict[str, Device] = {}

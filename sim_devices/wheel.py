@@ -18,10 +18,10 @@ class Turn:
 
 
 class Wheel:
-    """A wheel that starts with slot 1 in the beam."""
+    """A wheel that starts with slot 1 in the beam, after so many turns."""
 
-    def __init__(self) -> None:
-        self._turns = Timeline(Turn(float("-inf"), float("-inf"), 1, 0))
+    def __init__(self, turns: int = 0) -> None:
+        self._turns = Timeline(Turn(float("-inf"), float("-inf"), 1, turns))
 
     def slot(self, time_s: float) -> int | None:
         """The slot in the beam, or None while the wheel turns."""

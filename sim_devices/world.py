@@ -20,6 +20,7 @@ from sim_devices.device import Device
 from sim_devices.effects.entry import Effect
 from sim_devices.effects.known import IN_ORDER, name_of
 from sim_devices.effects.measurement import Measurement, Moment, Stokes
+from sim_devices.past import Past
 from sim_devices.scene import Scene
 
 
@@ -33,6 +34,8 @@ class World:
     ----------
     scene : Scene
         What the bench holds. Every axis starts at 0 deg and a wheel at slot 1.
+    past : Past
+        What it has been through before.
 
     Attributes
     ----------
@@ -60,8 +63,8 @@ class World:
         Cones over which the sample is averaged; 0 for a single direction.
     """
 
-    def __init__(self, scene: Scene) -> None:
-        self.scene = scene
+    def __init__(self, scene: Scene, past: Past = Past()) -> None:  # noqa: B008 (frozen)
+        self.scene, self.past = scene, past
         self.axes: dict[str, Axis] = {}
         self.angle_deg: dict[str, AngleOfTime] = {}
         self.analyzer: Analyzer
@@ -86,7 +89,7 @@ class World:
         self._sample.stokes(0.0, 0.5, 0.0, self.lamp_stokes)
         # what was seen last, which stays as long as the arms do
         self._seen: tuple[tuple[float, float], Stokes] | None = None
-        self._measurements = 0
+        self._measurements = past.measurements
 
     def add_axis(self, role: AxisRole, step_deg: float) -> Axis:
         """A new axis in a role of the bench, for the controller that turns it."""

@@ -130,7 +130,7 @@ class Esp301Stage:
         self._number = number
         self._under_way = ""
         self._is_stopped = False
-        self._model = ""
+        self.identity = ""
         self.stood_s = 0.0
 
     def connect(self) -> tuple[str, ...]:
@@ -163,9 +163,9 @@ class Esp301Stage:
                 not_done="nothing was set and nothing was moved",
                 to_do="check the axis number in the rig file, or set the unit in the controller",
             )
-        if self._model:
+        if self.identity:
             self._require_power(not_done="the axis was not set up again")
-        self._model = same_device(self.name, self._model, model)
+        self.identity = same_device(self.name, self.identity, model)
         self._send(f"VA{self.velocity_deg_s:.6f}")
         self._send(f"AC{self.acceleration_deg_s2:.6f}")
         self._send(f"AG{self.acceleration_deg_s2:.6f}")

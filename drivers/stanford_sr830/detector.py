@@ -73,7 +73,7 @@ class StanfordSr830:
         self._responsivity_v_per_w, self._raises_sensitivity = responsivity_v_per_w, raises_sensitivity
         self._settings, self._bright_v = settings, _BRIGHT * noise_w * responsivity_v_per_w
         self._light_v = complex(0.0)
-        self._says = ""
+        self.identity = ""
         self._doing = _Doing.NOTHING
         self._exposure_s = self._begun_s = self._next_s = 0.0
         self._samples_v: list[complex] = []
@@ -95,7 +95,7 @@ class StanfordSr830:
             When it is another lock-in than the last time.
         """
         self._lock_in.begin()
-        self._says = same_device(self.name, self._says, self._lock_in.identity())
+        self.identity = same_device(self.name, self.identity, self._lock_in.identity())
         left_over = self._lock_in.condition() & (_SATURATED | Condition.UNLOCKED)
         changed = [f"{setting}, which was changed" for setting in self._lock_in.set(self._settings)]
         if changed:

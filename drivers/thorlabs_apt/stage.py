@@ -67,7 +67,7 @@ class ThorlabsApt:
         self._channel = AptChannel(port, name, bay=bay, has_dc_motor=self._stage.has_dc_motor)
         self._home_offset = HomeOffset(name, home_offset_deg)
         self._motion: _Motion | None = None
-        self._identity = ""
+        self.identity = ""
 
     def connect(self) -> tuple[str, ...]:
         """Check the controller, switch its channel on, and set velocity and acceleration; moves nothing.
@@ -91,7 +91,7 @@ class ThorlabsApt:
         if model not in self._stage.controllers:
             expected = " or ".join(self._stage.controllers)
             raise self._fault(f"the controller is a {model!r}, not a {expected}", not_done, in_rig_file)
-        self._identity = same_device(self.name, self._identity, f"{model} {serial_number}")
+        self.identity = same_device(self.name, self.identity, f"{model} {serial_number}")
         if not self._channel.is_present():
             raise self._fault(f"bay {self._bay} of the {model} is empty", not_done, in_rig_file)
         if not self._channel.enable():

@@ -29,12 +29,12 @@ class ElliptecModule:
         self._bus, self._address, self._name = bus, address, name
         self._under_way: tuple[Exchange, ...] = ()
         self._rests = False
-        self._identity = ""
+        self.says = ""
 
     def identity(self) -> Identity:
         """What it says of itself; raises DeviceFaultError when that is another module than the last time."""
         packet = self.query("in")
-        self._identity = same_device(self._name, self._identity, packet.data)
+        self.says = same_device(self._name, self.says, packet.data)
         return identity_of(packet)
 
     def query(self, letters: str, data: str = "") -> Packet:

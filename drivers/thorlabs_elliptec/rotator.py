@@ -68,6 +68,11 @@ class ElliptecRotator:
         self._pulses_per_turn = 0
         self._knows_home = self._is_homing = False
 
+    @property
+    def identity(self) -> str:
+        """What the module said of itself, with its serial number."""
+        return self._module.says
+
     def connect(self) -> tuple[str, ...]:
         """Check that the module is a rotator, read its pulses in a turn, and set its velocity; moves nothing.
 

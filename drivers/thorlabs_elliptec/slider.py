@@ -37,6 +37,11 @@ class ElliptecSlider:
         self._module, self._address = ElliptecModule(bus, address, name), address
         self._target = self._next = 0
 
+    @property
+    def identity(self) -> str:
+        """What the module said of itself, with its serial number."""
+        return self._module.says
+
     def connect(self) -> tuple[str, ...]:
         """Check that the module is a slider with these slots; moves nothing.
 

@@ -63,7 +63,7 @@ class ThorlabsPm100:
             answer_end=b"\n",
             end_cut_command=lambda: self._dialogue.tell(_WATTS),
         )
-        self._says = ""
+        self.identity = ""
         self._averaged: int | None = None
         self._attempts = 0
         self._deadline = Deadline(clock, 0.0)
@@ -91,7 +91,7 @@ class ThorlabsPm100:
         """
         self._dialogue.begin()
         self._averaged = None
-        self._says = same_device(self.name, self._says, self._dialogue.identity())
+        self.identity = same_device(self.name, self.identity, self._dialogue.identity())
         earlier_errors = self._pop_errors()
         self._dialogue.tell(_WATTS)
         self._dialogue.tell("SENS:POW:RANG:AUTO 1")

@@ -103,7 +103,8 @@ def fit_one(
 
 def _fit_again(path: Path, profiled: Sequence[str], bootstrapped: int) -> Fitted:
     stored = stored_run(path)
-    notes = (*stored.doubts, *(f"wrote {written}" for written in write_results(stored)))
+    interruptions = stored.about.get("interruptions", "").splitlines()
+    notes = (*stored.doubts, *interruptions, *(f"wrote {written}" for written in write_results(stored)))
     if stored.fit is None:
         error = GoniometerError(f"{stored.folder}: {len(stored.points)} points could not be fitted: {stored.refusal}")
         for note in notes:

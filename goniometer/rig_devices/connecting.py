@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Mapping
 from contextlib import ExitStack
 from dataclasses import dataclass, field
-from typing import Any, Protocol, TypeVar
+from typing import Any, Protocol, TypeVar, runtime_checkable
 
 from acquisition.protocols import Analyzer, Detector
 from drivers.axis import Axis
@@ -31,6 +31,14 @@ class Device(Closable, Protocol):
     def connect(self) -> tuple[str, ...]:
         """Check the device and set it up; moves nothing. Returns what it held from earlier use, such as errors."""
         ...
+
+
+@runtime_checkable
+class Identified(Protocol):
+    """What says which one of its make it is."""
+
+    name: str
+    identity: str
 
 
 T = TypeVar("T", bound=Closable)
@@ -69,6 +77,7 @@ class Connecting:
     analyzers: dict[str, Analyzer] = field(default_factory=dict)
     detectors: dict[str, Detector] = field(default_factory=dict)
     notes: list[str] = field(default_factory=list)
+    identities: dict[str, str] = field(default_factory=dict)
     _shared: dict[str, Any] = field(default_factory=dict)
 
     def link(self, name: str, *, baudrate: int = 115200, rtscts: bool = False) -> Link:
@@ -93,6 +102,8 @@ class Connecting:
         self._opened(device)
         if self.sets_up:
             self.notes += [f"{name}: left over from earlier use: {error}" for error in device.connect()]
+            if isinstance(device, Identified):
+                self.identities[device.name] = device.identity
 
     def add_axis(self, name: str, role: str, stage: Stage, travel: Travel) -> None:
         """Check and set up a stage of the device `name`, as `add` does, and put an axis on it."""

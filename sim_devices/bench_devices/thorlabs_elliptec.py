@@ -42,7 +42,8 @@ class ThorlabsElliptecDevice(SimulatedDevice):
         """Put its axis into the world."""
         type_code = {"ELL14": ELL14, "ELL18": ELL18, "ELL8": ELL8}[self.model]
         axis = world.add_axis(self.axis, 360 / PULSES_PER_TURN[type_code])
-        return ThorlabsElliptec(ElliptecRotator(axis, type_code, seed=world.scene.seed), self.address)
+        rotator = ElliptecRotator(axis, type_code, seed=world.scene.seed, turns=world.past.turns)
+        return ThorlabsElliptec(rotator, self.address)
 
 
 class ThorlabsElliptecSliderDevice(SimulatedDevice):
@@ -69,6 +70,6 @@ class ThorlabsElliptecSliderDevice(SimulatedDevice):
 
     def install(self, world: World) -> Device:
         """Put the slider into the beam."""
-        world.analyzer = analyzer = WheelAnalyzer(self.slots)
+        world.analyzer = analyzer = WheelAnalyzer(self.slots, world.past.turns)
         type_code = ELL9 if len(self.slots) == 4 else ELL6
         return ThorlabsElliptec(ElliptecSlider(analyzer.wheel, type_code), self.address)

@@ -34,5 +34,5 @@ class ThorlabsFw102cDevice(SimulatedDevice):
 
     def install(self, world: World) -> Device:
         """Put the wheel into the beam."""
-        world.analyzer = analyzer = WheelAnalyzer(self.slots)
+        world.analyzer = analyzer = WheelAnalyzer(self.slots, world.past.turns)
         return ThorlabsFw102c(analyzer.wheel, self.slots)

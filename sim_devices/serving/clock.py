@@ -50,12 +50,12 @@ class BenchClock(Protocol):
 
 
 class ScaledClock:
-    """Real time, `speed` times as fast, from the moment the clock was made."""
+    """Real time, `speed` times as fast, from `begin_s` at the moment the clock was made."""
 
-    def __init__(self, speed: float) -> None:
+    def __init__(self, speed: float, begin_s: float = 0.0) -> None:
         if not (speed > 0 and math.isfinite(speed)):
             raise ValueError(f"The speed of a bench is a positive number; {speed} is not. Give for example 1 or 40.")
-        self._speed = float(speed)
+        self._speed, self._begin_s = float(speed), begin_s
         self._start_s = time.monotonic()
         self._bench: Served | None = None
 
@@ -69,8 +69,8 @@ class ScaledClock:
         self._bench = bench
 
     def now(self) -> float:
-        """Seconds since the clock was made, times the speed."""
-        return (time.monotonic() - self._start_s) * self.speed
+        """Seconds since the clock was made, times the speed, on top of where it began."""
+        return self._begin_s + (time.monotonic() - self._start_s) * self.speed
 
     def sleep(self, duration_s: float) -> None:
         """Wait `duration_s` over speed; raises what has stopped the bench meanwhile."""

@@ -35,14 +35,18 @@ class ElliptecRotator:
         Most pulses by which it misses a target.
     seed : int
         Of the misses.
+    turns : int
+        How often it has turned before.
     """
 
     travel, motors = 360, 2
 
-    def __init__(self, axis: Axis, type_code: int = ELL14, *, spread: int = 5, seed: int = 0) -> None:
+    def __init__(self, axis: Axis, type_code: int = ELL14, *, spread: int = 5, seed: int = 0, turns: int = 0) -> None:
         self.type_code, self.pulses = type_code, PULSES_PER_TURN[type_code]
         self._axis, self._spread, self._step_deg = axis, spread, 360.0 / self.pulses
         self._random = np.random.default_rng(seed)
+        for _ in range(turns):
+            self._miss()
         self._zero_deg = 0.0
         self._zero_from_s, self._next_zero_deg = float("inf"), 0.0
         self._jog_pulses, self._home_offset = self.pulses // 8, 0

@@ -5,6 +5,7 @@ from dataclasses import dataclass, field, replace
 
 import pytest
 
+from acquisition.earlier import Earlier, steps_of
 from acquisition.engine import Bench, Engine, stopped_afterwards
 from acquisition.events import LinkRestored, ReadingStored
 from acquisition.expand import Step, Target
@@ -381,6 +382,28 @@ def test_wherever_a_link_is_lost_the_readings_are_those_of_a_scan_in_which_nothi
         assert all(event.device == device.name for event in told)
         restored += len(told)
     assert restored > 10
+
+
+@pytest.mark.parametrize("role", ROLES)
+def test_a_link_may_be_lost_while_a_scan_is_taken_up(tmp_path, bench, clock, journal, whole, role):
+    expected, duration_s = whole
+    engine(bench, clock, journal).run(STEPS)
+    for number in range(20):
+        clock = Clock()
+        bench = Bench(*(Device(name, clock) for name in ("source", "detector arm", "azimuth", "wheel", "meter")))
+        told, check = [], unplug_at(clock, getattr(bench, role), [duration_s * number / 20], 2.3)
+        with Journal.create(tmp_path / f"{number}", {"link lost 1": "before"}) as cut:
+            for row in journal.taken()[:-1]:
+                cut.append(row.reading)
+            earlier = Earlier(cut.taken(), steps_of(STEPS, len(expected) - 1))
+            Engine(bench, clock, cut, told.append, check, TimeLeft(clock, 60.0), earlier=earlier).run(STEPS)
+            assert rows(cut) == expected
+            lost = sum(isinstance(event, LinkRestored) for event in told)
+            assert cut.about()["link lost 1"] == "before"
+            assert ("link lost 2" in cut.about()) == (lost > 0)
+        assert [event.reading for event in told if isinstance(event, ReadingStored)][:-1] == list(journal.readings())[
+            :-1
+        ]
 
 
 def test_a_reading_is_begun_anew_after_a_lost_link_with_the_bench_brought_there_before(bench, clock, journal):

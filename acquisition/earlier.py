@@ -1,0 +1,80 @@
+"""What an earlier process has stored of a scan, and from where the scan is taken up."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from itertools import accumulate, pairwise
+
+from acquisition.journal import StoredReading
+from acquisition.readings import Reading
+from acquisition.steps import Step, Target
+
+
+@dataclass(frozen=True, eq=False)
+class Earlier:
+    """The readings that are there, and the steps that they are of.
+
+    Parameters
+    ----------
+    rows : tuple of StoredReading
+        In the order they were taken; none for a new scan.
+    steps : tuple of Step
+        The plan up to the step of the last planned reading.
+    references : callable
+        The steps by which the lamp is read anew, at a point; none for a recipe without references.
+    alike : callable
+        Whether two readings at the same place may be of the same light.
+    is_steady : bool
+        Whether nothing has held the earlier process up that would not come again, such as a lost link.
+    """
+
+    rows: tuple[StoredReading, ...] = ()
+    steps: tuple[Step, ...] = ()
+    references: Callable[[int], Sequence[Step]] = lambda point: ()
+    alike: Callable[[Reading, Reading], bool] = lambda before, now: True
+    is_steady: bool = True
+
+    @property
+    def planned(self) -> tuple[Reading, ...]:
+        """The readings that the plan has."""
+        return tuple(row.reading for row in self.rows if row.is_planned)
+
+    @property
+    def ended_s(self) -> float:
+        """When the last reading was over, on the bench's clock."""
+        return max(row.reading.time_s + row.reading.exposure_s for row in self.rows)
+
+    @property
+    def of_last_step(self) -> tuple[StoredReading, ...]:
+        """What was taken from the last step's first reading on."""
+        planned = [number for number, row in enumerate(self.rows) if row.is_planned]
+        return self.rows[planned[sum(step.readings for step in self.steps[:-1])] :]
+
+    @property
+    def can_come_again(self) -> bool:
+        """Whether the last step goes as it went, when it begins at the same time in virtual time."""
+        return self.is_steady and all(row.is_planned for row in self.of_last_step)
+
+    @property
+    def way(self) -> tuple[Target, ...]:
+        """Places over which the bench comes to the last step but one as if it had come all the way, and that one."""
+        return way_to([step.target for step in self.steps[:-1]])
+
+
+def steps_of(plan: Sequence[Step], readings: int) -> tuple[Step, ...]:
+    """The steps that so many readings are of, the last of them perhaps in part."""
+    taken = accumulate((step.readings for step in plan), initial=0)
+    return tuple(step for step, before in zip(plan, taken, strict=False) if before < readings)
+
+
+def way_to(targets: Sequence[Target]) -> tuple[Target, ...]:
+    """Those of the targets at which an axis or the analyzer stood before it turned last, and the last one.
+
+    By them play is taken up from the same side, and none of them is a place that the scan has not come by.
+    """
+    before: dict[str, int] = {}
+    for number, (here, there) in enumerate(pairwise(targets)):
+        stands, goes = ({**target.axes_deg, "analyzer": target.slot} for target in (here, there))
+        before.update({name: number for name in stands if stands[name] != goes[name]})
+    return (*(targets[number] for number in sorted(set(before.values()))), *targets[-1:])

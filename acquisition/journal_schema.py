@@ -1,0 +1,42 @@
+"""The tables of a journal, and the statements that fill them."""
+
+from __future__ import annotations
+
+from dataclasses import fields
+
+from acquisition.readings import Reading
+
+FORMAT = "3"
+COLUMNS = tuple(field.name for field in fields(Reading))
+MISSING = {"1": ("retarder_deg", "retardance_deg"), "2": (), FORMAT: ()}
+"""Columns of a reading that the journals of each format do not have; nothing stood in their place."""
+
+_TYPES = {"point": "INTEGER", "kind": "TEXT", "repeat": "INTEGER", "slot": "INTEGER"}
+CREATE = (
+    "CREATE TABLE about (key TEXT PRIMARY KEY, value TEXT NOT NULL) STRICT",
+    f"""CREATE TABLE readings (
+    id INTEGER PRIMARY KEY,
+    {", ".join(f"{name} {_TYPES.get(name, 'REAL')}" for name in COLUMNS)},
+    is_planned INTEGER NOT NULL,
+    stored_at TEXT NOT NULL DEFAULT (strftime('%Y-%m-%dT%H:%M:%fZ', 'now'))
+) STRICT""",
+    """CREATE TABLE interruptions (
+    id INTEGER PRIMARY KEY,
+    readings INTEGER NOT NULL,
+    last_stored_at TEXT,
+    why TEXT,
+    resumed_at TEXT NOT NULL,
+    resumed_with TEXT NOT NULL
+) STRICT""",
+)
+APPEND = (
+    f"INSERT INTO readings ({', '.join(COLUMNS)}, is_planned) "  # noqa: S608 (names are ours)
+    f"VALUES ({', '.join('?' * (len(COLUMNS) + 1))})"
+)
+INTERRUPTED = """INSERT INTO interruptions (readings, last_stored_at, why, resumed_at, resumed_with) VALUES (
+    (SELECT count(*) FROM readings),
+    (SELECT stored_at FROM readings ORDER BY id DESC LIMIT 1),
+    (SELECT value FROM about WHERE key = ?),
+    ?, ?
+)"""
+INTERRUPTIONS = "SELECT readings, last_stored_at, why, resumed_at, resumed_with FROM interruptions ORDER BY id"

@@ -1,0 +1,24 @@
+"""From where a scan is taken up: which steps are there, and the places that tell from which side to come."""
+
+from acquisition.earlier import steps_of, way_to
+from acquisition.steps import Step, Target
+
+
+def at(incidence_deg, exit_deg, slot, azimuth_deg=0.0):
+    return Target(incidence_deg, exit_deg, azimuth_deg, slot)
+
+
+def test_every_axis_comes_from_where_it_came_last():
+    way = way_to([at(30, 0, 1), at(60, 0, 1), at(60, 10, 1), at(60, 10, 2), at(60, 0, 2), at(60, 0, 3), at(60, 0, 3)])
+    assert way == (at(30, 0, 1), at(60, 10, 2), at(60, 0, 2), at(60, 0, 3))
+
+
+def test_what_never_turned_wants_no_place():
+    assert way_to([at(60, 0, 1)]) == (at(60, 0, 1),)
+    assert way_to([at(60, 0, 1)] * 3) == (at(60, 0, 1),)
+    assert way_to([]) == ()
+
+
+def test_the_last_step_may_be_there_in_part():
+    plan = [Step(point, "signal", at(60, point, 1), 0.0, 3, 0.1, 1.0) for point in range(3)]
+    assert [len(steps_of(plan, readings)) for readings in range(10)] == [0, 1, 1, 1, 2, 2, 2, 3, 3, 3]
