@@ -30,6 +30,16 @@ def unfinished(points: Sequence[int]) -> str:
     )
 
 
+def skipped(points: Sequence[int]) -> str:
+    """Which directions a person has skipped; empty if none."""
+    if not points:
+        return ""
+    return (
+        f"The rest of {named(points)} was skipped, so {'they are' if len(set(points)) > 1 else 'it is'} unfinished; "
+        "what was read there is stored, and is left out of every result"
+    )
+
+
 def behind_last_reference(lamp: LampLevel, readings: Sequence[Reading]) -> str:
     """Which directions no reference closes; empty if the recipe has none, or the last one stands at the end."""
     if not lamp.times_s or lamp.is_dark(-1):

@@ -9,17 +9,20 @@ from functools import partial
 from typing import Protocol
 
 from acquisition.catching_up import CatchingUp
+from acquisition.control import ScanControl
 from acquisition.earlier import Earlier
 from acquisition.events import Event, LinkRestored, ReadingStored, StepStarted
 from acquisition.expand import Step, Target
 from acquisition.journal import LINK_LOST, Journal
 from acquisition.lost_links import LostLinks
+from acquisition.orders import Orders
 from acquisition.placement import Placement
 from acquisition.protocols import Analyzer, Detector, HomingAxis
 from acquisition.readings import Reading
 from acquisition.readout import Readout
 from acquisition.signal_to_noise import Enough, as_planned
 from acquisition.stopping import stop_all
+from acquisition.suspend import Judge
 from acquisition.time_left import TimeLeft
 from acquisition.timing import POLL_S
 from drivers.clock import Clock
@@ -37,7 +40,8 @@ class Bench:
 
     `polarizer` and `retarder` are the axes that turn a rotating analyzer, None where there is none; in a scan the
     analyzer moves them. `to_home` are the axes that every scan homes before it begins. `identities` are what devices
-    say of themselves, with their serial numbers, where they have any.
+    say of themselves, with their serial numbers, where they have any. `position_retries` says by role how often an axis
+    is sent again that has not come close enough to its target.
     """
 
     source_arm: HomingAxis
@@ -51,6 +55,7 @@ class Bench:
     to_home: tuple[HomingAxis, ...] = ()
     retarder: HomingAxis | None = None
     identities: Mapping[str, str] = field(default_factory=dict)
+    position_retries: Mapping[str, int] = field(default_factory=dict)
 
     @property
     def axes(self) -> dict[str, HomingAxis]:
@@ -123,6 +128,10 @@ class Engine:
         Says when a step has its readings; without it, when it has as many as were planned.
     earlier : Earlier, optional
         What an earlier process has taken of the scan.
+    control : ScanControl, optional
+        What a person asks for while the scan runs.
+    judge : Judge, optional
+        Says which readings are in doubt, and to be taken again.
 
     Attributes
     ----------
@@ -138,8 +147,11 @@ class Engine:
         publish: Callable[[Event], None],
         check: Callable[[], None],
         time_left: TimeLeft,
+        *,
         enough: Enough = as_planned,
         earlier: Earlier | None = None,
+        control: ScanControl | None = None,
+        judge: Judge | None = None,
     ) -> None:
         self._bench, self._clock, self._journal = bench, clock, journal
         self._publish, self._check, self._time_left = publish, check, time_left
@@ -154,8 +166,14 @@ class Engine:
             take=lambda step, after: self._take(step, (), after),
             tell=self._tell,
         )
-        self._readout = Readout(bench, clock, self._keep, self._placement, self._wait, enough)
+        whole = control or ScanControl(), judge or Judge(), clock, journal, publish
+        self._orders = Orders(*whole, self._placement, self._wait, time_left)
+        self._readout = Readout(bench, clock, self._keep, self._placement, self._wait, self._orders, enough)
         self.readings_taken = 0
+
+    def is_skipped(self, point: int) -> bool:
+        """Whether a person had the rest of a direction left out."""
+        return self._orders.is_skipped(point)
 
     def home(self) -> None:
         """Home the axes that the bench says, one after the other: on its way, nobody knows where an axis is.
@@ -207,12 +225,18 @@ class Engine:
         ScanInterrupted
             When `check` says so.
         """
-        for step, after in zip(steps, [*(step.target for step in steps[1:]), ahead], strict=True):
-            if self._catching_up.passes_over(step):
+        self._orders.begin()
+        for planned, after in zip(steps, [*(step.target for step in steps[1:]), ahead], strict=True):
+            if self._catching_up.passes_over(planned):
+                continue
+            step = self._orders.as_ordered(planned)
+            if self._orders.leaves_out(step):
+                self._time_left.left_out(step.duration_s, step.readings)
                 continue
             self._links.begin_step()
             there = self._catching_up.take_up(step)
             target = step.target
+            self._orders.begin_step(step)
             self._publish(
                 StepStarted(
                     step.point,
@@ -227,7 +251,8 @@ class Engine:
             )
             self._check()
             self._take(step, there, after)
-            self._time_left.step_done(step.duration_s)
+            self._time_left.step_done(self._orders.as_ordered(planned).duration_s)
+        self._orders.end_direction(steps[-1].point)
         if ahead is None:
             self._links.begin_step()
             self._links.through(self._placement.require_still_there)
@@ -235,13 +260,14 @@ class Engine:
     def _take(self, step: Step, there: Sequence[Reading], after: Target | None) -> None:
         """Take the readings of a step but for the first ones that are there."""
         self._readout.begin(there)
-        while not self._readout.has_all(step):
+        while not (self._readout.has_all(step) or self._orders.leaves_out(step)):
             self._links.through(partial(self._readout.take, step, after))
             after = None  # a reading was in doubt: the bench stays until one is not
 
     def _keep(self, reading: Reading) -> None:
         if not self._catching_up.compares(reading):
             self._journal.append(reading, is_planned=self._catching_up.is_planned)
+            self._orders.saw(reading)
             self._tell(reading)
 
     def _tell(self, reading: Reading) -> None:

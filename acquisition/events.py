@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
+from acquisition.lamp_level import LampBreak
 from acquisition.readings import Reading, StokesPoint
 from model.fit import FitResult
 
@@ -77,6 +78,87 @@ class LinkRestored:
         return (
             f"{self.device}: {self.happened} at {self.lost_at} and back after {self.away_s:.1f} s; all devices are as "
             f"they were, and what was under way is done again{said}"
+        )
+
+
+class Control:
+    """What happens to a scan beside its plan; as text it says itself in words."""
+
+
+@dataclass(frozen=True)
+class Paused(Control):
+    """The scan holds: all that was read without doubt is stored, no axis moves, links are kept alive. `why` says so."""
+
+    why: str
+    readings: int
+
+    def __str__(self) -> str:
+        return f"paused: {self.why}"
+
+
+@dataclass(frozen=True)
+class WentOn(Control):
+    """The scan goes on after `held_s` on the bench's clock.
+
+    `suspended` is the interval in which readings may be spoilt when the scan had paused by itself.
+    """
+
+    why: str
+    held_s: float
+    suspended: LampBreak | None = None
+
+    def __str__(self) -> str:
+        return f"goes on after {self.held_s:.1f} s: {self.why}"
+
+
+@dataclass(frozen=True)
+class Skipped(Control):
+    """What remains of a direction is left out."""
+
+    point: int
+    exit_deg: float
+    readings: int
+
+    def __str__(self) -> str:
+        return f"point {self.point} (exit {self.exit_deg:z.2f} degrees) is skipped: the rest of it is left out"
+
+
+@dataclass(frozen=True)
+class ExposureChanged(Control):
+    """All readings from now on have another exposure."""
+
+    exposure_s: float
+    before_s: float
+    readings: int
+
+    def __str__(self) -> str:
+        return f"exposure {self.exposure_s:g} s from now on, {self.before_s:g} s before"
+
+
+@dataclass(frozen=True)
+class RequestRefused(Control):
+    """What a person asked for is not done, and the scan goes on as before."""
+
+    why: str
+
+    def __str__(self) -> str:
+        return f"refused: {self.why}"
+
+
+@dataclass(frozen=True)
+class AxisSentAgain(Control):
+    """An axis has not come close enough to its target: the reading there is not stored, and the axis is sent again."""
+
+    axis: str
+    position_deg: float
+    target_deg: float
+    time: int
+    of: int
+
+    def __str__(self) -> str:
+        return (
+            f"{self.axis}: stands at {self.position_deg:g} degrees after a move to {self.target_deg:g} degrees; it is "
+            f"sent again ({self.time} of {self.of}), and the reading there is taken again"
         )
 
 
@@ -151,6 +233,12 @@ Event = (
     | StepStarted
     | ReadingStored
     | LinkRestored
+    | Paused
+    | WentOn
+    | Skipped
+    | ExposureChanged
+    | RequestRefused
+    | AxisSentAgain
     | PointReduced
     | NotReached
     | FitUpdated

@@ -116,6 +116,7 @@ class LostLinks:
         """See every device stopped, and the same as before, also those whose links were not lost: lines are shared."""
         notes: list[str] = []
         for number, (device, check) in enumerate(self._to_check):
+            self._wait(0.0)  # a device that is away takes seconds
             try:
                 notes += _over_a_fresh_link(device, check)
             except LINK_ERRORS:

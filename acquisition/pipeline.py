@@ -5,8 +5,18 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from acquisition.averaged import Averaged
-from acquisition.events import Event, NotReached, PointReduced, ReadingStored, ScanDoubted, ScanEnded, Subscriber
-from acquisition.lamp_level import LampLevel
+from acquisition.doubts import in_break
+from acquisition.events import (
+    Event,
+    NotReached,
+    PointReduced,
+    ReadingStored,
+    ScanDoubted,
+    ScanEnded,
+    Subscriber,
+    WentOn,
+)
+from acquisition.lamp_level import LampBreak, LampLevel
 from acquisition.lamp_watch import LampWatch
 from acquisition.live_fit import LiveFit
 from acquisition.readings import Reading, StokesPoint
@@ -49,6 +59,7 @@ class Pipeline:
         self._lamp = LampWatch(forgets=not is_repeated)
         self._repeated: dict[int, list[Reading]] | None = {} if is_repeated else None
         self._last: Reading | None = None
+        self._spoilt: tuple[str, ...] = ()
         self.points: list[StokesPoint] = []
 
     def publish(self, event: Event) -> None:
@@ -58,12 +69,35 @@ class Pipeline:
         if isinstance(event, ScanEnded):
             self._tell_doubts()
         self._tell(event)
+        if isinstance(event, WentOn) and event.suspended is not None:
+            self._leave_spoilt_out(event.suspended)
         if isinstance(event, ReadingStored):
             self._last = event.reading
             self._of_points.setdefault(event.reading.point, []).append(event.reading)
             self._lamp.add(event.reading)
             if self._averaged is not None:
                 self._averaged_readings.append(event.reading)
+
+    def _leave_spoilt_out(self, interval: LampBreak) -> None:
+        self._reduction = self._reduction.suspended(interval)
+        spoilt = [one for one in self._lamp.in_question() if self._reduction.is_spoilt([one])]
+        if spoilt:
+            self._spoilt += (in_break(interval, spoilt),)
+            self._forget({one.point for one in spoilt})
+
+    def _forget(self, numbers: set[int]) -> None:
+        known = [point for point in self.points if point.point not in numbers]
+        if len(known) < len(self.points):
+            self.points = known
+            if self._live_fit is not None and known:
+                self._live_fit.submit(known)
+
+    def leave_out(self, point: int) -> None:
+        """Make nothing of a direction that was skipped; raises ReductionError as `end_point` does for the lamp."""
+        self._of_points.pop(point, None)
+        self._forget({point})
+        self._lamp_level()
+        self._lamp.end_point(point)
 
     def _tell_doubts(self) -> None:
         try:
@@ -72,7 +106,7 @@ class Pipeline:
             return  # it has been raised when the point ended, and is why the scan ends
         if self._averaged is not None:
             doubts += self._averaged.doubts(self._averaged_readings, self.points)
-        if doubts:
+        if doubts := (*self._spoilt, *doubts):
             self._tell(ScanDoubted(doubts))
 
     def _with_repeats(self, complete: list[Reading]) -> list[Reading]:
@@ -118,7 +152,7 @@ class Pipeline:
         complete = self._of_points.pop(self._last.point)
         lamp = self._lamp_level()
         self._lamp.end_point(self._last.point)
-        if all(taken.kind == "reference" for taken in complete):
+        if all(taken.kind == "reference" for taken in complete) or self._reduction.is_spoilt(complete):
             return
         readings = self._with_repeats(complete)
         point = self._reduction.point(readings, lamp)

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections import deque
+from collections import Counter, deque
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
+from acquisition.events import AxisSentAgain
 from acquisition.expand import Target
 from acquisition.protocols import Analyzer, RotaryAxis
 from acquisition.timing import DUE_POLL_S, POLL_S
@@ -26,6 +27,18 @@ _MARGIN_S = 0.0005
 
 _OVERDUE_S = 0.05
 """How long after it should have arrived a device is asked in quick succession."""
+
+
+_NEAR = 10.0
+"""Tolerances within which a miss may be play or friction; beyond, something has happened that a person should see."""
+
+
+class Astray(Exception):
+    """An axis has not come close enough to where it was sent, and may be sent again; never leaves the readout."""
+
+    def __init__(self, event: AxisSentAgain) -> None:
+        self.event = event
+        super().__init__(str(event))
 
 
 class Placement:
@@ -49,6 +62,7 @@ class Placement:
         self._slot: int | None = None
         self._at: Target | None = None
         self._way: _Way | None = None
+        self._sent_again: Counter[str] = Counter()
 
     def leave(self) -> None:
         """Take nothing for granted: `arrive` asks every device again where it stands."""
@@ -141,6 +155,8 @@ class Placement:
         ------
         PositionError
             When an axis has not come to where it was sent, or does not stand there any more.
+        Astray
+            When one has missed its target by little and may be sent again, which `arrive` does.
         """
         assert self._at is not None, "asked only where the bench has arrived"
         if anew:
@@ -149,6 +165,7 @@ class Placement:
         for role, target_deg in self._at.axes_deg.items():
             axis, position_deg = self._bench.axes[role], positions_deg[role]
             if abs(position_deg - target_deg) > axis.tolerance_deg:
+                self._send_again(role, positions_deg, target_deg)
                 raise PositionError(
                     axis.name,
                     f"stands at {position_deg:g} degrees after a move to {target_deg:g} degrees "
@@ -158,7 +175,23 @@ class Placement:
                 )
         self._left_deg, self._seen_deg = self._at.axes_deg, (positions_deg, asked_s)
         self._sent.clear()
+        self._sent_again.clear()
         return tuple(positions_deg[role] for role in self._at.axes_deg)
+
+    def _send_again(self, role: str, positions_deg: Mapping[str, float], target_deg: float) -> None:
+        """Have an axis sent again that has missed its target by little, as often as its rig allows.
+
+        All are left where they stand: if one stands elsewhere when the bench departs, nothing is moved.
+        """
+        axis, most = self._bench.axes[role], self._bench.position_retries.get(role, 0)
+        is_near = abs(positions_deg[role] - target_deg) <= _NEAR * axis.tolerance_deg
+        if role not in self._sent or not is_near or self._sent_again[role] >= most:
+            return
+        self._sent_again[role] += 1
+        self._left_deg = dict(positions_deg)
+        self._sent.clear()
+        self._at = self._seen_deg = None
+        raise Astray(AxisSentAgain(axis.name, positions_deg[role], target_deg, self._sent_again[role], most))
 
     def _still_there_deg(self) -> dict[str, float]:
         positions_deg, _ = self._positions_deg()

@@ -10,7 +10,8 @@ from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
 from acquisition.expand import Step, Target
-from acquisition.placement import Placement
+from acquisition.orders import Orders
+from acquisition.placement import Astray, Placement
 from acquisition.readings import Reading
 from acquisition.signal_to_noise import Enough, as_planned
 from acquisition.timing import DUE_POLL_S, READING_POLL_S
@@ -45,6 +46,8 @@ class Readout:
         Brings the bench where a step wants it.
     wait : callable
         Lets time pass; raises to end the scan.
+    orders : Orders
+        What a person, or a reading in doubt, asks for between two readings.
     enough : callable
         Says when a step has its readings.
     """
@@ -56,10 +59,12 @@ class Readout:
         keep: Callable[[Reading], None],
         placement: Placement,
         wait: Callable[[float], None],
+        orders: Orders,
         enough: Enough = as_planned,
     ) -> None:
         self._detector, self._clock, self._keep_reading = bench.detector, clock, keep
         self._placement, self._wait, self._enough = placement, wait, enough
+        self._orders = orders
         self._powers_w: list[float] = []
 
     def begin(self, there: Sequence[Reading]) -> None:
@@ -73,7 +78,7 @@ class Readout:
     def take(self, step: Step, after: Target | None) -> None:
         """Take the readings that a step still wants, where it wants them.
 
-        Returns without the last one when that was in doubt after the bench had left.
+        Returns without all of them when one is to be taken again, or the rest is left out.
 
         Parameters
         ----------
@@ -91,30 +96,49 @@ class Readout:
         """
         if self.has_all(step):
             return  # the link was lost behind the last reading
+        try:
+            self._take(step, after)
+        except Astray as astray:
+            self._orders.tell(astray.event)  # it is on its way again with the next attempt
+
+    def _take(self, step: Step, after: Target | None) -> None:
         self._placement.arrive(step.target)
         taken: Reading | None = None
         for repeat in range(len(self._powers_w), step.readings):
+            if self._orders.are_waiting:
+                if taken is not None:
+                    self._keep(taken)
+                    taken = None
+                self._orders.carry_out(step)
+                if self._orders.leaves_out(step):
+                    return
             time_s = self._clock.now()
-            self._detector.start_reading(step.exposure_s)
+            step = self._orders.start_reading(self._detector, self._orders.as_ordered(step))
             if taken is not None:
                 self._keep(taken)
             is_last = repeat == step.readings - 1
             angles_deg = self._expose(time_s, step.exposure_s, anew=is_last)
-            leaves = after is not None and is_last
+            leaves = after is not None and is_last and not self._orders.are_waiting
             failure = self._departure(after) if leaves and after is not None else None
             if self._is_taken_again() and leaves:
                 return
-            taken = _reading(step, repeat, time_s, angles_deg, self._detector.power_w())
-            is_enough = self._enough(step, [*self._powers_w, taken.power_w])
-            if is_enough and not is_last and after is not None:
+            taken = self._judged(step, repeat, time_s, angles_deg)
+            is_enough = taken is not None and self._enough(step, [*self._powers_w, taken.power_w])
+            if is_enough and not is_last and after is not None and not self._orders.are_waiting:
+                leaves = True
                 failure = self._departure(after)
             if failure is not None:
-                self._keep(taken)
+                if taken is not None:
+                    self._keep(taken)
                 raise failure
+            if taken is None:
+                return
             if is_enough:
                 break
         if taken is not None:
             self._keep(taken)
+        if not leaves and self._orders.are_waiting:
+            self._orders.carry_out(step)
 
     def _expose(self, begun_s: float, exposure_s: float, *, anew: bool) -> tuple[float, ...]:
         """Wait until a reading has its light; returns where the axes are meanwhile, or were a moment before."""
@@ -122,13 +146,25 @@ class Readout:
         left_s = exposure_s
         while angles_deg is None or detector.is_exposing():
             if angles_deg is None and left_s <= _LOOK_S:
-                angles_deg = self._placement.read_back(anew=anew)
+                try:
+                    angles_deg = self._placement.read_back(anew=anew)
+                except Astray:
+                    self._end_reading()
+                    raise
             elif left_s > _INSTANT_S:
                 self._wait(min(left_s, READING_POLL_S))
             else:
                 self._wait(DUE_POLL_S if left_s > -_OVERDUE_S else READING_POLL_S)
             left_s = begun_s + exposure_s - self._clock.now()
         return angles_deg
+
+    def _end_reading(self) -> None:
+        """Let a reading end that nobody wants."""
+        while self._detector.is_exposing() or self._detector.is_reading():
+            self._wait(READING_POLL_S)
+
+    def _judged(self, step: Step, repeat: int, time_s: float, angles_deg: tuple[float, ...]) -> Reading | None:
+        return self._orders.judged(time_s, lambda: _reading(step, repeat, time_s, angles_deg, self._detector.power_w()))
 
     def _departure(self, target: Target) -> DeviceError | None:
         """Leave for a target; returns what went wrong, for the reading that has its light is to be stored first."""

@@ -19,6 +19,7 @@ from acquisition.fit_choice import ParameterName
 from acquisition.lamp_level import LARGEST_CHANGE
 from acquisition.recipe_directions import RecipeDirections
 from acquisition.section import Section, SectionFault, refuse_all
+from acquisition.suspend import Suspend
 
 AnalyzerAngle = Annotated[float, Field(ge=-360, le=360)]
 
@@ -108,6 +109,9 @@ class Recipe(RecipeDirections):
         description="how far apart in time the readings of one direction may lie, in s: the scan may sweep many "
         "directions in each slot where that is quicker; 0: every direction in one go",
     )
+    suspend: Suspend | None = Field(
+        default=None, description="when the scan waits by itself until a reading is beyond doubt; leave out for never"
+    )
     fit: FitChoice = Field(description="what to fit to the Stokes parameters")
     until: Annotated[dict[ParameterName, StandardError], Field(min_length=1)] | None = Field(
         default=None,
@@ -151,6 +155,13 @@ class Recipe(RecipeDirections):
                 "for all"
             )
             refuse_all([(("readings",), what)])
+        return self
+
+    @model_validator(mode="after")
+    def _check_suspend(self) -> Self:
+        if self.suspend is not None and self.suspend.lamp_below is not None and self.reference is None:
+            what = "compares reference readings; add for example 'reference: {exit_deg: 45, every_points: 10}'"
+            refuse_all([(("suspend", "lamp_below"), what)])
         return self
 
     @model_validator(mode="after")

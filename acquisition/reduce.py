@@ -12,6 +12,7 @@ ratio to their first at the time of the reading, 1 without any. The readings of 
 
 from __future__ import annotations
 
+import copy
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -24,7 +25,7 @@ from acquisition.calibrated_slots import SlotCalibration
 from acquisition.contradictions import lost_light, unsteady
 from acquisition.detector_noise import NoiseModel as NoiseModel
 from acquisition.doubts import behind_last_reference, in_break, in_unsteady_light, unfinished, without_light
-from acquisition.lamp_level import LARGEST_CHANGE, LampLevel, reference_groups
+from acquisition.lamp_level import LARGEST_CHANGE, LampBreak, LampLevel, reference_groups
 from acquisition.polarization import stokes_point
 from acquisition.readings import Reading, StokesPoint
 from goniometer.errors import ReductionError
@@ -56,6 +57,8 @@ class Reduction:
     calibration : SlotCalibration, optional
         What was found of the analyzer's slots, in place of ideal polarizers at the angles that readings name; and of
         the dark power, where it is not measured.
+    suspended : sequence of LampBreak
+        When the scan was suspended, and since when readings may have been spoilt: likewise.
     """
 
     def __init__(
@@ -66,13 +69,29 @@ class Reduction:
         has_dark: bool,
         largest_change: float = LARGEST_CHANGE,
         calibration: SlotCalibration | None = None,
+        suspended: Sequence[LampBreak] = (),
     ) -> None:
+        self._suspended = tuple(suspended)
         self._radiometry, self._noise, self._has_dark = radiometry, noise, has_dark
         self._largest_change, self._calibration = largest_change, calibration
         dark = None if calibration is None or has_dark else calibration.dark
         self._dark_w, self._dark_variance = (0.0, 0.0) if dark is None else (dark.power_w, dark.stderr_w**2)
         if calibration is not None:
             self._rows, self._row_slopes = calibration.rows(), calibration.row_slopes()
+
+    def suspended(self, interval: LampBreak) -> Reduction:
+        """The same reduction, which makes nothing of the readings of this interval either."""
+        changed = copy.copy(self)
+        changed._suspended = (*self._suspended, interval)
+        return changed
+
+    def is_spoilt(self, of_point: Sequence[Reading]) -> bool:
+        """Whether light of a direction was read while the scan was suspended, or may have had to be."""
+        return bool(self._spoiling(of_point))
+
+    def _spoiling(self, readings: Sequence[Reading]) -> tuple[LampBreak, ...]:
+        lit_s = [reading.time_s for reading in readings if reading.kind == "signal"]
+        return tuple(found for found in self._suspended if any(map(found.holds, lit_s)))
 
     def scan(self, readings: Sequence[Reading]) -> tuple[StokesPoint, ...]:
         """Reduce every direction whose readings determine its Stokes parameters, in the order of their numbers.
@@ -86,7 +105,7 @@ class Reduction:
             When the lamp level is known at none of the finished directions, or the first reference shows no light.
         """
         lamp = self.lamp_level(readings)
-        breaks = lamp.breaks(self._largest_change)
+        breaks = (*lamp.breaks(self._largest_change), *self._spoiling(readings))
         whole = self._whole(readings)
         known = [
             group
@@ -102,6 +121,7 @@ class Reduction:
         breaks = self.lamp_level(readings).breaks(self._largest_change)
         whole = {group[0].point for group in self._whole(readings)}
         left_out = unfinished([one.point for one in readings if one.kind == "signal" and one.point not in whole])
+        breaks = *breaks, *self._spoiling(readings)
         said = *(in_break(found, readings) for found in breaks), left_out, *self.warnings(readings, points)
         return tuple(filter(None, said))
 

@@ -56,6 +56,7 @@ class Steering:
         self._wanted = recipe.wanted
         self._start_s: float | None = None
         self._here = HOME
+        self._directions = 0
         self._last: FitResult | None = None
         self._refusal = "there is no point yet"
         self.reason = ""
@@ -72,26 +73,27 @@ class Steering:
         self._last = self._fit(points) if points else None
         judgement = judge(self._last, self._wanted) if self._last and self._wanted else None
         if judgement is not None and judgement.is_reached:
-            return self._end(f"wanted standard errors reached: {judgement.standing}", points)
+            return self._end(f"wanted standard errors reached: {judgement.standing}")
         elapsed_s = self._elapsed_s()
         unmet = () if judgement is None else judgement.unmet
         left_s = self._limit_s - elapsed_s - self._closing_s
         visit = self._choose(Situation(points, self._last, unmet, self._here, elapsed_s, left_s))
-        steps = self._visits.steps(len(points), visit.exit_deg, visit.readings, self._here) if visit else ()
+        steps = self._visits.steps(self._directions, visit.exit_deg, visit.readings, self._here) if visit else ()
         if visit is None or sum(step.duration_s for step in steps) > left_s:
-            return self._end(self._time_is_up(judgement), points)
+            return self._end(self._time_is_up(judgement))
         self._here = steps[-1].target
         standing = "" if judgement is None else judgement.standing
-        self._publish(DirectionChosen(len(points), visit.exit_deg, visit.readings, visit.why, standing))
+        self._directions += 1  # there are fewer points where one was skipped
+        self._publish(DirectionChosen(self._directions - 1, visit.exit_deg, visit.readings, visit.why, standing))
         return steps
 
     def has_measured(self, so_far: Callable[[], StokesPoint]) -> bool:
         """Every direction is measured in one go."""
         return True
 
-    def _end(self, reason: str, points: Sequence[StokesPoint]) -> Sequence[Step]:
+    def _end(self, reason: str) -> Sequence[Step]:
         self.reason, self._has_ended = reason, True
-        return self._visits.closing(len(points) - 1, self._here) if points else ()
+        return self._visits.closing(self._directions - 1, self._here) if self._directions else ()
 
     def _elapsed_s(self) -> float:
         if self._start_s is None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 from drivers.clock import Clock
 
 _TRUSTED_S = 10.0
@@ -25,9 +27,23 @@ class TimeLeft:
         take.
     is_longest : bool
         Whether it is the plan of the longest scan that a recipe allows, and most likely a good deal too long.
+    readings : int
+        How many readings it should take; 0 where nobody knows.
+    reading_s : callable
+        How long a reading takes, by its exposure.
     """
 
-    def __init__(self, clock: Clock, duration_s: float, *, is_limit: bool = False, is_longest: bool = False) -> None:
+    def __init__(
+        self,
+        clock: Clock,
+        duration_s: float,
+        *,
+        is_limit: bool = False,
+        is_longest: bool = False,
+        readings: int = 0,
+        reading_s: Callable[[float], float] = float,
+    ) -> None:
+        self._readings, self._held_s, self.reading_s = readings, 0.0, reading_s
         self._clock, self._duration_s, self._is_limit = clock, duration_s, is_limit
         self._trusted_s = _TRUSTED_OF_LONGEST_S if is_longest else _TRUSTED_S
         self._begun_s: float | None = None
@@ -36,6 +52,22 @@ class TimeLeft:
     def step_done(self, duration_s: float) -> None:
         """A step is done that should have taken so long."""
         self._done_s += duration_s
+
+    def held(self, duration_s: float) -> None:
+        """The scan was held for so long, which tells nothing of how long its steps take."""
+        self._held_s += duration_s
+
+    def left_out(self, duration_s: float, readings: int) -> None:
+        """A step that should have taken so long is left out, with its readings."""
+        self._duration_s -= duration_s
+        self._readings -= readings
+
+    def exposure_changed(self, before_s: float, exposure_s: float, taken: int, in_step: int) -> None:
+        """All readings but so many have another exposure than before; so many of them belong to the present step."""
+        if not self._is_limit:
+            longer_s = self.reading_s(exposure_s) - self.reading_s(before_s)
+            self._duration_s += longer_s * max(self._readings - taken, 0)
+            self._done_s -= longer_s * in_step  # the step will be counted as if all of it had the new one
 
     def elapsed_s(self) -> float:
         """How long the scan has taken so far."""
@@ -48,5 +80,5 @@ class TimeLeft:
         elapsed_s = self.elapsed_s()
         if self._is_limit:
             return max(self._duration_s - elapsed_s, 0.0)
-        pace = (elapsed_s + self._trusted_s) / (self._done_s + self._trusted_s)
+        pace = (elapsed_s - self._held_s + self._trusted_s) / (self._done_s + self._trusted_s)
         return max(self._duration_s - self._done_s, 0.0) * pace

@@ -57,4 +57,5 @@ def connected(
             tuple(axes[role] for role, axis in rig.axes().items() if axis.home_at_start),
             axes.get("retarder"),
             bench.identities,
+            {role: axis.position_retries for role, axis in rig.axes().items()},
         )

@@ -1,8 +1,9 @@
 """The command line.
 
 Exit codes: 0 done; 1 a device, the data or the disk failed; 2 a recipe, rig, scene or the command line cannot be used;
-130, 143, 129 the scan was ended by Ctrl-C, SIGTERM, SIGHUP. Whatever the code, the bench has been stopped and the
-readings that were shown are stored.
+3 a scan was ended by the key q or `ScanControl.abort`; 130, 143, 129 it was ended by Ctrl-C, SIGTERM, SIGHUP. Whatever
+of these the code, the bench has been stopped and the readings that were shown are stored. 4 the program hung: the
+readings are stored, and another process stops the bench.
 """
 
 from __future__ import annotations
@@ -61,12 +62,16 @@ def run(
     recipe: Path, rig: Path | None, out: Path, speed: Speed | None, quiet: bool, as_json: bool, trace: bool
 ) -> None:
     """Run a recipe: scan, reduce, fit, and write the results into a folder of their own."""
+    from acquisition.control import ScanControl
     from goniometer.console import console_for
+    from goniometer.keyboard import keys
     from goniometer.run_recipe import run as run_recipe
 
-    mode = mode_of(quiet=quiet, as_json=as_json)
-    with console_for(mode, sys.stdout) as console:
-        stored = run_recipe(recipe, rig_path=rig, out=out, speed=speed, trace=trace, subscribers=[console])
+    mode, control = mode_of(quiet=quiet, as_json=as_json), ScanControl()
+    with keys(control, sys.stdin) as known_keys, console_for(mode, sys.stdout, known_keys) as console:
+        stored = run_recipe(
+            recipe, rig_path=rig, out=out, speed=speed, trace=trace, subscribers=[console], control=control
+        )
     tell_results(stored, mode)
 
 

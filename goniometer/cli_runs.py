@@ -52,16 +52,24 @@ def resume(
     trace: bool,
 ) -> None:
     """Continue a run that was cut short, at its first missing reading."""
+    from acquisition.control import ScanControl
     from goniometer.console import console_for
+    from goniometer.keyboard import keys
     from goniometer.resume import SAME_SAMPLE, resume
 
     def is_same_sample() -> bool:
         return sample_untouched or (sys.stdin.isatty() and click.confirm(SAME_SAMPLE, err=True))
 
-    mode = mode_of(quiet=quiet, as_json=as_json)
-    with console_for(mode, sys.stdout) as console:
+    mode, control = mode_of(quiet=quiet, as_json=as_json), ScanControl()
+    with keys(control, sys.stdin) as known_keys, console_for(mode, sys.stdout, known_keys) as console:
         resumed = resume(
-            run, rig_path=rig, speed=speed, is_same_sample=is_same_sample, trace=trace, subscribers=[console]
+            run,
+            rig_path=rig,
+            speed=speed,
+            is_same_sample=is_same_sample,
+            trace=trace,
+            subscribers=[console],
+            control=control,
         )
     if resumed.was_finished:
         click.echo(f"{run} was finished already: {len(resumed.run.readings)} readings. Nothing was moved.", err=True)

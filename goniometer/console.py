@@ -12,6 +12,7 @@ from types import TracebackType
 from typing import Literal, Self, TextIO
 
 from acquisition.events import (
+    Control,
     DirectionChosen,
     Event,
     FitRefused,
@@ -39,7 +40,7 @@ _FIT_LINES, _USUAL_POINTS = 10, 50
 
 
 @contextmanager
-def console_for(mode: Mode, stream: TextIO | None) -> Iterator[Subscriber]:
+def console_for(mode: Mode, stream: TextIO | None, keys: str = "") -> Iterator[Subscriber]:
     """Show a scan on a stream while the block runs.
 
     The subscriber never raises because of the stream: whoever stops reading misses the rest, the scan goes on.
@@ -51,6 +52,8 @@ def console_for(mode: Mode, stream: TextIO | None) -> Iterator[Subscriber]:
         a line.
     stream : text stream
         Where to show it, usually the standard output.
+    keys : str
+        What a person is told of the keys that control the scan.
 
     Yields
     ------
@@ -63,7 +66,7 @@ def console_for(mode: Mode, stream: TextIO | None) -> Iterator[Subscriber]:
     elif mode == "json":
         yield JsonConsole(lasting)
     elif mode == "auto" and lasting.isatty() and os.environ.get("TERM") != "dumb":
-        with LiveConsole(lasting) as live:
+        with LiveConsole(lasting, keys=keys) as live:
             yield live
     else:
         with PlainConsole(lasting) as plain:
@@ -99,7 +102,7 @@ class PlainConsole:
                 self._say(f"{event.recipe}: {event.aim or about} on the bench's clock, into {event.run}")
                 for note in event.notes:
                     self._say(f"  note: {note}")
-            case LinkRestored():
+            case LinkRestored() | Control():
                 self._say(f"  note: {event}")
             case PointReduced():
                 self._say(self._point(event.stokes_point))

@@ -9,6 +9,7 @@
     │   ├── ReplyTimeoutError (TimeoutError)      no answer within the deadline
     │   ├── ReplyError (ValueError)               an answer that cannot be what was asked for
     │   ├── DeviceFaultError (RuntimeError)       the device itself reports a fault
+    │   │   └── SaturatedError                        the detector gets more light than it takes
     │   ├── LimitError (ValueError)               a move outside the limits; refused before the first byte
     │   ├── CollisionError (ValueError)           a move whose path enters a collision zone; refused likewise
     │   └── PositionError (RuntimeError)          the device stopped somewhere else than it was sent
@@ -91,6 +92,10 @@ class ReplyError(DeviceError, ValueError):
 
 class DeviceFaultError(DeviceError, RuntimeError):
     """The device itself reports a fault."""
+
+
+class SaturatedError(DeviceFaultError):
+    """The detector gets more light than it takes; the same reading may be well later."""
 
 
 class LimitError(DeviceError, ValueError):

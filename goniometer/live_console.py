@@ -14,7 +14,7 @@ from rich.progress_bar import ProgressBar
 from rich.table import Table
 from rich.text import Text
 
-from acquisition.events import Event, LinkRestored, ScanStarted
+from acquisition.events import Control, Event, LinkRestored, ScanStarted
 from goniometer.durations import clock_text
 from goniometer.fitting.remarks import remarks
 from goniometer.fitting.summary import model_name, parameter_rows, quality, table_lines
@@ -42,9 +42,12 @@ class LiveConsole:
         The terminal.
     now_s : callable
         Real time in seconds.
+    keys : str
+        What a person is told of the keys that control the scan.
     """
 
-    def __init__(self, stream: LastingStream, now_s: Callable[[], float] = time.monotonic) -> None:
+    def __init__(self, stream: LastingStream, now_s: Callable[[], float] = time.monotonic, keys: str = "") -> None:
+        self._keys = keys
         self._scan = ScanSoFar(now_s)
         self._console = Console(file=cast(IO[str], stream), highlight=False, emoji=False, markup=False)
         self._live = Live(self, console=self._console, refresh_per_second=_REFRESHES_PER_S, transient=True)
@@ -55,7 +58,7 @@ class LiveConsole:
         if isinstance(event, ScanStarted):
             for note in event.notes:
                 self._console.print(Text(f"note: {note}", style="yellow"))
-        elif isinstance(event, LinkRestored):
+        elif isinstance(event, LinkRestored | Control):
             self._console.print(Text(f"note: {event}", style="yellow"))
 
     def __enter__(self) -> Self:
@@ -81,7 +84,9 @@ class LiveConsole:
         if scan.started is None:
             return Text("Preparing the bench …", style=_LABEL)
         return Panel(
-            Group(*self._progress(scan.started), Text(), self._bench(), Text(), *self._fit(scan.started)),
+            Group(
+                *self._progress(scan.started), Text(), self._bench(), Text(), *self._fit(scan.started), *self._below()
+            ),
             title=Text(scan.started.recipe, style="bold"),
             subtitle=Text(scan.started.run, style=_LABEL),
             title_align="left",
@@ -117,9 +122,14 @@ class LiveConsole:
             bench += f", {speed:.3g} times real time"
         return [line, Text(bench, style=_LABEL)]
 
+    def _below(self) -> list[RenderableType]:
+        return [Text(), Text(self._keys, style=_LABEL)] if self._keys else []
+
     def _bench(self) -> Text:
         step, point, chosen = self._scan.step, self._scan.point, self._scan.chosen
         text = Text()
+        if self._scan.paused is not None:
+            text.append(f"PAUSED      {self._scan.paused.why}\n", "bold yellow")
         if step is not None:
             text.append("now         ", _LABEL)
             _say(text, "incidence", f"{step.incidence_deg:z.2f}°")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
@@ -15,7 +15,7 @@ from acquisition.events import Event
 from acquisition.expand import HOME, Slots, Step, Visits, expand
 from acquisition.expected_noise import Detection
 from acquisition.fit_points import surface_family
-from acquisition.lamp_level import LARGEST_CHANGE, SIGNIFICANT
+from acquisition.lamp_level import LARGEST_CHANGE, SIGNIFICANT, LampBreak
 from acquisition.readings import Reading
 from acquisition.recipe import Recipe
 from acquisition.reduce import NoiseModel, Radiometry, Reduction
@@ -157,8 +157,13 @@ def timing(rig: Rig) -> BenchTiming:
     )
 
 
-def reduction(recipe: Recipe, rig: Rig, calibration: SlotCalibration | None = None) -> Reduction:
-    """The reduction that the rig's radiometry, its detector's noise and the calibration of its analyzer ask for."""
+def reduction(
+    recipe: Recipe, rig: Rig, calibration: SlotCalibration | None = None, suspended: Sequence[LampBreak] = ()
+) -> Reduction:
+    """The reduction that the rig's radiometry, its detector's noise and the calibration of its analyzer ask for.
+
+    Nothing is made of what was read while the scan was suspended.
+    """
     assert (calibration is None) == (recipe.calibration is None), "a recipe that names a calibration is reduced by it"
     expected = detection(recipe, rig)
     return Reduction(
@@ -167,6 +172,7 @@ def reduction(recipe: Recipe, rig: Rig, calibration: SlotCalibration | None = No
         has_dark=recipe.dark,
         largest_change=LARGEST_CHANGE if recipe.reference is None else recipe.reference.largest_change,
         calibration=calibration,
+        suspended=suspended,
     )
 
 

@@ -14,11 +14,16 @@ from pathlib import Path
 import yaml
 
 from acquisition import journal
+from acquisition.control import ScanControl
 from acquisition.earlier import Earlier, steps_of
 from acquisition.events import Subscriber
 from acquisition.expand import HOME, Step, Target
 from acquisition.journal import LINK_LOST, Journal
+from acquisition.orders import ORDERED
+from acquisition.suspend import SUSPENDED, SuspendWhen
+from acquisition.watchdog import LIMIT_S
 from goniometer.assembly import connected
+from goniometer.attended import Attended
 from goniometer.bench import LeftOff, Speed, access
 from goniometer.errors import ConfigurationError
 from goniometer.load_files import Setup
@@ -28,12 +33,14 @@ from goniometer.resume_checks import (
     refuse_other_bench,
     refuse_other_devices,
     refuse_other_readings,
+    refuse_skipped,
     rig_to_go_on_with,
     version_notes,
 )
 from goniometer.run_folder import StoredRun, remembered, stored_run, write_results
 from goniometer.run_lock import sole_writer
-from goniometer.run_recipe import results, scan
+from goniometer.run_recipe import results
+from goniometer.scanning import scan
 from goniometer.signals import Interruption
 from goniometer.standing import come_to_rest, out_of_place
 from goniometer.wire_trace import WIRE_LOG, wire_log
@@ -62,6 +69,9 @@ def resume(
     live_fit: bool = True,
     trace: bool = False,
     subscribers: Sequence[Subscriber] = (),
+    control: ScanControl | None = None,
+    suspend_when: SuspendWhen | None = None,
+    watchdog_s: float = LIMIT_S,
 ) -> Resumed:
     """Continue a run at its first missing reading, in its folder and its journal, and write the results.
 
@@ -74,7 +84,7 @@ def resume(
         The run's folder, or the journal in it.
     rig_path : str or Path, optional
         A rig file that differs from the journal's in nothing but ports.
-    speed, live_fit, trace, subscribers
+    speed, live_fit, trace, subscribers, control, suspend_when, watchdog_s
         As for `goniometer.run`.
     is_same_sample : callable
         Asked once when the bench is real.
@@ -103,7 +113,8 @@ def resume(
         with Journal.go_on(folder / journal.FILE_NAME) as stored:
             was_finished = "ended" in stored.about()
             if not was_finished:
-                _go_on(stored, rig_path, speed, is_same_sample, live_fit, trace, subscribers, interruption)
+                attended = Attended(interruption, control or ScanControl(), suspend_when, watchdog_s)
+                _go_on(stored, rig_path, speed, is_same_sample, live_fit, trace, subscribers, attended)
         if was_finished:
             found = stored_run(folder)
             if not (folder / "fit.json").exists():
@@ -120,10 +131,11 @@ def _go_on(
     live_fit: bool,
     trace: bool,
     subscribers: Sequence[Subscriber],
-    interruption: Interruption,
+    attended: Attended,
 ) -> None:
     about, taken, folder = stored.about(), stored.taken(), stored.path.parent
     setup = _setup(folder, about, Path(rig_path) if rig_path else None)
+    refuse_skipped(folder, about)
     steps = _steps(setup, folder)
     planned = [row.reading for row in taken if row.is_planned]
     refuse_other_readings(steps, planned)
@@ -140,7 +152,7 @@ def _go_on(
         steps_of(steps, len(planned)),
         references(setup.recipe, setup.rig),
         alike(setup.recipe, setup.rig),
-        is_steady=not any(key.startswith(LINK_LOST) for key in about),
+        is_steady=not any(key.startswith((LINK_LOST, ORDERED, SUSPENDED)) for key in about),
     )
     left_off, notes = _left_off(stored, earlier, speed)
     with ExitStack() as stack:
@@ -152,9 +164,9 @@ def _go_on(
         )
         refuse_other_devices(about.get("devices", ""), bench.identities)
         if setup.scene is None:  # a bench that has outlived the process that was cut short
-            come_to_rest(bench, bench_access.clock, interruption.check)
+            come_to_rest(bench, bench_access.clock, attended.check)
             bench = replace(bench, to_home=out_of_place(bench, setup.rig, _places(steps, earlier, stored)))
-        interruption.check()
+        attended.check()
         stored.begin_again(
             datetime.now().astimezone().isoformat(timespec="seconds"),
             f"goniometer {importlib.metadata.version('goniometer')} on {platform.node()}",
@@ -171,7 +183,7 @@ def _go_on(
             bench_access,
             stored,
             subscribers,
-            interruption,
+            attended,
             live_fit=live_fit,
             earlier=earlier,
             notes=notes,

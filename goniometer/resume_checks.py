@@ -9,6 +9,8 @@ from typing import Any
 
 import yaml
 
+from acquisition.doubts import named
+from acquisition.orders import skipped_points
 from acquisition.readings import Reading
 from acquisition.steps import Step
 from goniometer.errors import ConfigurationError, DeviceFaultError, JournalError
@@ -75,6 +77,18 @@ def refuse_other_readings(plan: Sequence[Step], taken: Sequence[Reading]) -> Non
                 "its place. Nothing was moved. Resume the run with the version that it was begun with, which its "
                 "journal names, or run the recipe anew."
             )
+
+
+def refuse_skipped(folder: Path, about: Mapping[str, str]) -> None:
+    """Raise ConfigurationError when a person had directions skipped: what is missing is not the end of the plan."""
+    if skipped := skipped_points(about):
+        raise ConfigurationError(
+            [
+                f"{folder} was not resumed, and nothing was moved: the rest of {named(skipped)} was skipped, and a run "
+                "goes on only where the end of its plan is missing. Fit what there is (goniometer fit "
+                f"{folder}), or run the recipe again."
+            ]
+        )
 
 
 def file_notes(about: Mapping[str, str]) -> Iterator[str]:

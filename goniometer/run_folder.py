@@ -13,12 +13,15 @@ import yaml
 
 from acquisition import journal
 from acquisition.calibrated_slots import SlotCalibration
+from acquisition.doubts import skipped
 from acquisition.fit_points import dataset, fit_arguments, named_in_degrees, surface_family
 from acquisition.journal import Journal
 from acquisition.nexus import write_nexus
+from acquisition.orders import skipped_points
 from acquisition.readings import Reading, StokesPoint
 from acquisition.recipe import Recipe
 from acquisition.stokes_csv import write_stokes_csv
+from acquisition.suspend import suspensions
 from acquisition.whole_file import written_whole
 from goniometer.errors import FitError, JournalError, ReductionError
 from goniometer.fitted_curve import fitted_curve
@@ -126,15 +129,17 @@ def measured(folder: str | Path) -> MeasuredRun:
     if damage and not {"recipe", "rig", "scene"} <= about.keys():
         raise JournalError(f"{damage}, but not what they are of. Look for a copy of the journal.")
     recipe, rig, calibration = remembered(folder, about)
-    reduced_by = reduction(recipe, rig, calibration)
-    points = reduced_by.scan(readings)
+    reduced_by = reduction(recipe, rig, calibration, suspensions(about))
+    left_out = skipped_points(about)
+    used = tuple(reading for reading in readings if reading.kind != "signal" or reading.point not in left_out)
+    points = reduced_by.scan(used)
     if not points:
         raise ReductionError(
             f"{folder} holds {len(readings)} readings and not one finished direction: there is nothing to reduce."
         )
-    doubts, reached = (*filter(None, [damage]), *reduced_by.doubts(readings, points)), averaged(recipe, rig)
-    if reached is not None:
-        doubts += reached.doubts(readings, points)
+    doubts = *filter(None, [damage, skipped(left_out)]), *reduced_by.doubts(used, points)
+    if (reached := averaged(recipe, rig)) is not None:
+        doubts += reached.doubts(used, points)
     return MeasuredRun(folder, recipe, rig, readings, points, about, doubts, calibration)
 
 

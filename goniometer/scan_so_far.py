@@ -10,12 +10,14 @@ from acquisition.events import (
     Event,
     FitRefused,
     FitUpdated,
+    Paused,
     PointReduced,
     ReadingStored,
     ScanDoubted,
     ScanEnded,
     ScanStarted,
     StepStarted,
+    WentOn,
 )
 from acquisition.readings import StokesPoint
 from goniometer.durations import clock_text
@@ -44,6 +46,8 @@ class ScanSoFar:
     refusal: FitRefused | None = None
     chosen: DirectionChosen | None = None
     ended: ScanEnded | None = None
+    paused: Paused | None = None
+    paused_s: float = 0.0
     doubts: tuple[str, ...] = ()
     readings: int = 0
     points_seen: set[int] = field(default_factory=set)
@@ -68,6 +72,11 @@ class ScanSoFar:
                 self.chosen = event
             case ScanStarted():
                 self.started, self.start_s = event, self.now_s()
+            case Paused():
+                self.paused, self.paused_s = event, self.now_s()
+            case WentOn():
+                self.paused, self.step_s = None, self.step_s + self.now_s() - self.paused_s
+                self.start_s += self.now_s() - self.paused_s
             case ScanDoubted():
                 self.doubts = event.doubts
             case ScanEnded():
@@ -93,7 +102,8 @@ class ScanSoFar:
         speed = self.bench_speed()
         if self.step is None or speed is None:
             return None
-        return max(self.step.time_left_s / speed - (self.now_s() - self.step_s), 0.0)
+        now_s = self.now_s() if self.paused is None else self.paused_s
+        return max(self.step.time_left_s / speed - (now_s - self.step_s), 0.0)
 
     def ending(self) -> str:
         """How the scan ended, as one sentence, and then a line for each doubt about its light."""

@@ -10,7 +10,7 @@ from drivers.clock import Clock
 from drivers.same_device import same_device
 from drivers.stanford_sr830.lock_in import LEAST_SENSITIVE, Condition, Settings, Sr830LockIn
 from drivers.wire.link import Link
-from goniometer.errors import DeviceFaultError, LimitError, ReplyError
+from goniometer.errors import DeviceFaultError, LimitError, ReplyError, SaturatedError
 
 _SATURATED = Condition.INPUT_OVERLOAD | Condition.FILTER_OVERLOAD | Condition.OUTPUT_OVERLOAD
 _DISTURBED = Condition.UNLOCKED | Condition.TIME_CONSTANT_CHANGED
@@ -229,7 +229,8 @@ class StanfordSr830:
 
     def _spoilt(self) -> DeviceFaultError:
         saturated = "the detector was saturated: " if self._trouble & _SATURATED else ""
-        return DeviceFaultError(
+        kind = SaturatedError if saturated and not self._trouble & _DISTURBED else DeviceFaultError
+        return kind(
             self.name,
             f"{saturated}the lock-in reports {' and '.join(_words(self._trouble))} during the reading",
             not_done="the reading was thrown away",

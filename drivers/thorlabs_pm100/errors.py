@@ -6,7 +6,7 @@ import re
 from collections.abc import Sequence
 
 from drivers.wire.reply_text import unusable
-from goniometer.errors import DeviceFaultError, ReplyTimeoutError
+from goniometer.errors import DeviceFaultError, ReplyTimeoutError, SaturatedError
 
 _ERROR = re.compile(r"([+-]?\d{1,9})\s*,\s*\"?([^\"]*)\"?", re.ASCII)
 
@@ -29,9 +29,9 @@ def set_up_refused(device: str, refused: Sequence[str]) -> DeviceFaultError:
     )
 
 
-def saturated(device: str, answer: float) -> DeviceFaultError:
+def saturated(device: str, answer: float) -> SaturatedError:
     """Describe an answer that stands for too much light."""
-    return DeviceFaultError(
+    return SaturatedError(
         device,
         f"the detector was saturated (the meter answered {answer:g})",
         not_done="the reading was thrown away",

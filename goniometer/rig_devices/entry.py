@@ -112,6 +112,13 @@ class AxisEntry(Section):
     wraps: bool = Field(
         default=False, description="whether the stage may turn for ever, so that the axis takes the shorter way round"
     )
+    position_retries: int = Field(
+        default=2,
+        ge=0,
+        le=10,
+        description="how often the axis is sent again when it stops outside its tolerance, by ten tolerances at most; "
+        "then the scan ends",
+    )
     home_at_start: bool = Field(
         default=False,
         description="whether every scan first searches the home position, for stages that forget it; the axis may turn "

@@ -164,7 +164,7 @@ def moving(bench):
 
 
 def engine(bench, clock, journal, publish=lambda event: None, check=lambda: None, enough=as_planned):
-    return Engine(bench, clock, journal, publish, check, TimeLeft(clock, 60.0), enough)
+    return Engine(bench, clock, journal, publish, check, TimeLeft(clock, 60.0), enough=enough)
 
 
 def test_all_moves_of_a_step_overlap(bench, clock, journal):

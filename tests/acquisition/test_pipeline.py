@@ -2,7 +2,8 @@
 
 import pytest
 
-from acquisition.events import PointReduced, ReadingStored, ScanDoubted, ScanEnded
+from acquisition.events import PointReduced, ReadingStored, ScanDoubted, ScanEnded, WentOn
+from acquisition.lamp_level import LampBreak
 from acquisition.pipeline import Pipeline
 from acquisition.readings import Reading
 from acquisition.reduce import NoiseModel, Radiometry, Reduction
@@ -158,3 +159,20 @@ def test_references_far_apart_in_a_long_scan_change_nothing():
         scan.pipeline.end_point()
     assert scan.s0 == pytest.approx([1.0] * 300, rel=1e-3)
     assert scan.end() == []
+
+
+def test_a_direction_in_an_interval_of_suspension_is_taken_out_again_and_named():
+    """The second one was read in half the light, which only the reference behind it shows."""
+    scan = Scan()
+    for level, reference in ((1.0, 1.0), (1.0, 1.0), (0.5, None)):
+        scan.direction(level, reference)
+        scan.pipeline.end_point()
+    last_good_s = 8.0
+    scan.pipeline.publish(WentOn("it is over", 8.5, LampBreak(last_good_s, 16.5, "the lamp was too weak")))
+    assert [point.point for point in scan.pipeline.points] == [0]
+    scan.direction(1.0)
+    scan.reference(1.0)
+    scan.pipeline.end_point()
+    assert [point.point for point in scan.pipeline.points] == [0, 3]
+    ((doubt,),) = scan.end()
+    assert doubt.startswith("At points 1 to 2 (6 readings) the lamp level cannot be followed: the lamp was too weak")

@@ -49,3 +49,22 @@ def test_of_a_time_limit_is_left_what_is_left():
     assert left.left_s() == 70.0
     clock.now_s += 100.0
     assert left.left_s() == 0.0
+
+
+def test_a_pause_tells_nothing_of_how_long_steps_take():
+    clock = Clock()
+    left = TimeLeft(clock, 100.0)
+    left.left_s()
+    clock.now_s += 50.0 + 1000.0
+    left.step_done(50.0)
+    left.held(1000.0)
+    assert_allclose(left.left_s(), 50.0)
+    assert_allclose(left.elapsed_s(), 1050.0)
+
+
+def test_what_is_left_out_is_not_left_and_another_exposure_is():
+    left = TimeLeft(Clock(), 100.0, readings=40, reading_s=lambda exposure_s: exposure_s + 0.5)
+    left.left_out(20.0, 10)
+    assert_allclose(left.left_s(), 80.0)
+    left.exposure_changed(1.0, 2.0, 10, 0)
+    assert_allclose(left.left_s(), 80.0 + (40 - 10 - 10) * 1.0)
