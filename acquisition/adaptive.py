@@ -110,7 +110,7 @@ class Adaptive:
 
     def _light_and_noise(self, result: FitResult, exit_deg: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Light (N, M) of the fitted surface, and the covariance (N, M, M) of one reading in every slot."""
-        stokes = light_of(result.surface)(np.full(len(exit_deg), self._recipe.incidences_deg()[0]), exit_deg)
+        stokes = light_of(result.surface)(*self._places_deg(exit_deg))
         steps = self._visits.steps(1, float(exit_deg[0]), 1, HOME)
         analyzer = [step.analyzer for step in steps if step.kind == "signal"]
         noise = [
@@ -126,14 +126,16 @@ class Adaptive:
         ]
         return stokes[:, : len(noise[0])], np.array(noise)
 
+    def _places_deg(self, exit_deg: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Incidence, exit angle and exit azimuth, in the recipe's one plane."""
+        (incidence,), (exit_azimuth,) = self._recipe.incidences_deg(), self._recipe.exit_azimuths_deg()
+        return np.full(len(exit_deg), incidence), exit_deg, np.full(len(exit_deg), exit_azimuth)
+
     def _deciding(self, result: FitResult, candidates: _Candidates) -> Visit:
         """Where the best optimum and the next best differ most per second."""
         stokes, noise = self._light_and_noise(result, candidates.exit_deg)
         other = light_of(self._family.seen(result.alternatives[0].parameters))
-        apart = (
-            stokes
-            - other(np.full(len(stokes), self._recipe.incidences_deg()[0]), candidates.exit_deg)[:, : stokes.shape[1]]
-        )
+        apart = stokes - other(*self._places_deg(candidates.exit_deg))[:, : stokes.shape[1]]
         each = np.einsum("np,np->n", apart, np.linalg.solve(noise, apart[..., None])[..., 0])
         readings = np.clip(np.ceil(_DECISIVE / np.maximum(each, 1e-9)), self._fewest, MAX_READINGS)
         told = np.minimum(each * readings, _DECISIVE)
@@ -175,7 +177,8 @@ class Adaptive:
         known = prior_information(self._family)
         told = information(self._family, data.directions, data.covariance, result.values, data.observable)
         _, noise = self._light_and_noise(result, candidates.exit_deg)
-        there = directions(np.full(len(noise), self._recipe.incidences_deg()[0]), candidates.exit_deg)
+        incidence_deg, exit_deg, exit_azimuth_deg = self._places_deg(candidates.exit_deg)
+        there = directions(incidence_deg, exit_deg, exit_azimuth_deg=exit_azimuth_deg)
         pieces = information(self._family, there, noise, result.values, data.observable)
         return known + told.sum(axis=0), pieces
 

@@ -86,9 +86,10 @@ def _is_too_polarized(point: StokesPoint) -> bool:
 
 def _dark_between(points: Sequence[StokesPoint]) -> list[int]:
     """Single directions that are dark between bright ones; a peak, however narrow, has no such neighbours inside."""
-    curves: dict[tuple[int, int], list[StokesPoint]] = {}
+    curves: dict[tuple[int, ...], list[StokesPoint]] = {}
     for point in points:
-        key = round(point.incidence_deg / _SAME_DEG), round(point.azimuth_deg / _SAME_DEG)
+        plane_deg = point.incidence_deg, point.azimuth_deg, point.exit_azimuth_deg or 0.0
+        key = tuple(round(angle_deg / _SAME_DEG) for angle_deg in plane_deg)
         curves.setdefault(key, []).append(point)
     dark: list[int] = []
     for curve in curves.values():

@@ -41,7 +41,8 @@ class Bench:
     `polarizer` and `retarder` are the axes that turn a rotating analyzer, None where there is none; in a scan the
     analyzer moves them. `to_home` are the axes that every scan homes before it begins. `identities` are what devices
     say of themselves, with their serial numbers, where they have any. `position_retries` says by role how often an axis
-    is sent again that has not come close enough to its target.
+    is sent again that has not come close enough to its target. `detector_azimuth` carries the detector arm out of the
+    plane of incidence, None where nothing does.
     """
 
     source_arm: HomingAxis
@@ -56,15 +57,17 @@ class Bench:
     retarder: HomingAxis | None = None
     identities: Mapping[str, str] = field(default_factory=dict)
     position_retries: Mapping[str, int] = field(default_factory=dict)
+    detector_azimuth: HomingAxis | None = None
 
     @property
     def axes(self) -> dict[str, HomingAxis]:
-        """The axes by role."""
-        return {
+        """The axes that bring the bench to a direction, by role."""
+        axes = {
             "source_arm": self.source_arm,
             "detector_arm": self.detector_arm,
             "sample_azimuth": self.sample_azimuth,
         }
+        return axes if self.detector_azimuth is None else {**axes, "detector_azimuth": self.detector_azimuth}
 
     def order(self, targets_deg: Mapping[str, float]) -> tuple[tuple[str, ...], ...]:
         """The roles that move together, in turn; raises CollisionError when there is no safe way."""
@@ -247,6 +250,7 @@ class Engine:
                     self.readings_taken,
                     self._time_left.left_s(),
                     self._time_left.elapsed_s(),
+                    None if self._bench.detector_azimuth is None else target.exit_azimuth_deg,
                 )
             )
             self._check()

@@ -113,8 +113,13 @@ def documents(
 def _dimensions(recipe: Recipe) -> list[list[Any]]:
     """Along what the readings lie: an angle each that a product varies, or all of them for a list of points."""
     if recipe.has_points:
-        return [[["incidence_deg", "exit_deg", "azimuth_deg"], "primary"]]
-    varying = {"incidence_deg": len(recipe.incidences_deg()) > 1, "azimuth_deg": len(recipe.azimuths_deg()) > 1}
+        out_of_plane = ["exit_azimuth_deg"] if recipe.directions_deg()[:, 3].any() else []
+        return [[["incidence_deg", "exit_deg", "azimuth_deg", *out_of_plane], "primary"]]
+    varying = {
+        "incidence_deg": len(recipe.incidences_deg()) > 1,
+        "azimuth_deg": len(recipe.azimuths_deg()) > 1,
+        "exit_azimuth_deg": len(recipe.exit_azimuths_deg()) > 1,
+    }
     return [[[name], "primary"] for name in (*(name for name in varying if varying[name]), "exit_deg")]
 
 

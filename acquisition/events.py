@@ -38,6 +38,7 @@ class ScanStarted:
 class StepStarted:
     """The bench goes to this place, in degrees and slot, or is on its way there.
 
+    `exit_azimuth_deg` is None on a bench that cannot turn the detector arm out of the plane of incidence.
     `time_left_s` is left by the plan and by how long its steps have taken so far; `elapsed_s` have gone on the bench's
     clock.
     """
@@ -50,6 +51,7 @@ class StepStarted:
     readings_done: int
     time_left_s: float
     elapsed_s: float = 0.0
+    exit_azimuth_deg: float | None = None
 
 
 @dataclass(frozen=True)

@@ -77,3 +77,11 @@ class AzimuthRange(AngleRange):
     start_deg: Azimuth = Field(description="first angle of the sample, in degrees")
     stop_deg: Azimuth = Field(description="last angle of the sample, in degrees; measured when it lies on the grid")
     _named: ClassVar[str] = "angles of the sample"
+
+
+class ExitAzimuthRange(AngleRange):
+    """Turns of the detector arm out of the plane of incidence on an even grid."""
+
+    start_deg: Azimuth = Field(description="first exit azimuth, in degrees")
+    stop_deg: Azimuth = Field(description="last exit azimuth, in degrees; measured when it lies on the grid")
+    _named: ClassVar[str] = "exit azimuths"

@@ -33,11 +33,12 @@ class Direction:
     incidence_deg: float
     exit_deg: float
     azimuth_deg: float
+    exit_azimuth_deg: float
     readings: int
 
     def through(self, slot: int) -> Target:
         """Where the bench stands for it, with a slot in the beam."""
-        return Target(self.incidence_deg, self.exit_deg, self.azimuth_deg, slot)
+        return Target(self.incidence_deg, self.exit_deg, self.azimuth_deg, slot, self.exit_azimuth_deg)
 
 
 def expand(recipe: Recipe, slots: Slots, timing: BenchTiming) -> tuple[Step, ...]:
@@ -106,8 +107,8 @@ class _Listed:
         self._taking_s = {readings: timing.readings_s(readings, recipe.exposure_s) for readings in counts}
         places = zip(recipe.directions_deg().tolist(), recipe.readings_of_directions(), strict=True)
         self._directions = [
-            Direction(point, incidence_deg, exit_deg, azimuth_deg, readings)
-            for point, ((incidence_deg, exit_deg, azimuth_deg), readings) in enumerate(places)
+            Direction(point, incidence_deg, exit_deg, azimuth_deg, exit_azimuth_deg, readings)
+            for point, ((incidence_deg, exit_deg, azimuth_deg, exit_azimuth_deg), readings) in enumerate(places)
         ]
 
     def steps(self, order: Order) -> Iterator[Step]:

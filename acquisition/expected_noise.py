@@ -13,15 +13,16 @@ import numpy as np
 
 from acquisition.analyzer_matrix import AnalyzerState
 from acquisition.expand import Step, Target
+from acquisition.fit_points import directions
 from acquisition.lamp_level import LampLevel
 from acquisition.readings import Reading, StokesPoint
 from acquisition.reduce import NoiseModel, Radiometry, Reduction
 from model.acceptance import Acceptance
-from model.geometry import FloatArray, in_plane
+from model.geometry import FloatArray
 from model.surface import Surface
 
-Light = Callable[[FloatArray, FloatArray], FloatArray]
-"""S0 to S3 (N, 4) in 1/sr for incidence and signed exit angles (N,) in degrees."""
+Light = Callable[[FloatArray, FloatArray, FloatArray], FloatArray]
+"""S0 to S3 (N, 4) in 1/sr for incidence, signed exit angles and exit azimuths (N,) in degrees."""
 
 
 @dataclass(frozen=True)
@@ -51,8 +52,8 @@ class Detection:
 def light_of(surface: Surface | Acceptance) -> Light:
     """The light of a surface, as readings need it."""
 
-    def light(incidence_deg: FloatArray, exit_deg: FloatArray) -> FloatArray:
-        stokes = surface.stokes(np.radians(incidence_deg), *in_plane(np.radians(exit_deg)))
+    def light(incidence_deg: FloatArray, exit_deg: FloatArray, exit_azimuth_deg: FloatArray) -> FloatArray:
+        stokes = surface.stokes(*directions(incidence_deg, exit_deg, exit_azimuth_deg=exit_azimuth_deg))
         return np.asarray(stokes, np.float64)
 
     return light
@@ -60,7 +61,8 @@ def light_of(surface: Surface | Acceptance) -> Light:
 
 def expected_readings(steps: Sequence[Step], light: Light, detection: Detection) -> tuple[Reading, ...]:
     """The readings that steps take of a sample when there is no noise, a steady lamp and no error of position."""
-    stokes = light(*np.array([(step.target.incidence_deg, step.target.exit_deg) for step in steps]).T)
+    places = [step.target for step in steps]
+    stokes = light(*np.array([(there.incidence_deg, there.exit_deg, there.exit_azimuth_deg) for there in places]).T)
     readings, ended_s = [], 0.0
     for step, of_step in zip(steps, stokes, strict=True):
         target = step.target
@@ -83,6 +85,7 @@ def expected_readings(steps: Sequence[Step], light: Light, detection: Detection)
                 power_w=power_w,
                 retarder_deg=step.retarder_deg,
                 retardance_deg=step.retardance_deg,
+                exit_azimuth_deg=target.exit_azimuth_deg,
             )
             for repeat in range(step.readings)
         ]

@@ -44,7 +44,11 @@ def dataset(points: Sequence[StokesPoint], name: str = "the data") -> Dataset:
     """
     stokes = np.array([point.stokes for point in points])
     return Dataset(
-        *directions([point.incidence_deg for point in points], [point.exit_deg for point in points]),
+        *directions(
+            [point.incidence_deg for point in points],
+            [point.exit_deg for point in points],
+            exit_azimuth_deg=[point.exit_azimuth_deg or 0.0 for point in points],
+        ),
         values=stokes,
         covariance=np.array([point.covariance for point in points]),
         observable=Elements(tuple(range(stokes.shape[-1]))),
@@ -53,16 +57,22 @@ def dataset(points: Sequence[StokesPoint], name: str = "the data") -> Dataset:
 
 
 def directions(
-    incidence_deg: ArrayLike, exit_deg: ArrayLike, phi_deg: ArrayLike | None = None
+    incidence_deg: ArrayLike,
+    exit_deg: ArrayLike,
+    phi_deg: ArrayLike | None = None,
+    *,
+    exit_azimuth_deg: ArrayLike = 0.0,
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Incidence, exit and azimuth in rad; without an azimuth, a signed exit angle becomes an exit angle and an azimuth.
 
-    An incidence that was read back a little below zero is one from the other side, seen mirrored.
+    The plane in which that exit angle lies may be turned by an exit azimuth about the surface normal, right-handed. An
+    incidence that was read back a little below zero is one from the other side, seen mirrored.
     """
     incidence_rad, exit_rad = np.radians(np.asarray(incidence_deg)), np.radians(np.asarray(exit_deg))
     if phi_deg is not None:
         return incidence_rad, exit_rad, np.radians(np.asarray(phi_deg))
-    return np.abs(incidence_rad), *in_plane(np.where(incidence_rad < 0.0, -exit_rad, exit_rad))
+    exit_rad, phi_rad = in_plane(np.where(incidence_rad < 0.0, -exit_rad, exit_rad))
+    return np.abs(incidence_rad), exit_rad, phi_rad + np.radians(np.asarray(exit_azimuth_deg))
 
 
 def in_radians(name: str, values: ArrayLike) -> FloatArray:

@@ -15,7 +15,17 @@ from typing import Any, Self
 
 from acquisition.interruption import Interruption
 from acquisition.journal_damage import damage, readable_part
-from acquisition.journal_schema import APPEND, COLUMNS, CREATE, FORMAT, INTERRUPTED, INTERRUPTIONS, MISSING
+from acquisition.journal_schema import (
+    APPEND,
+    COLUMNS,
+    CREATE,
+    FORMAT,
+    INTERRUPTED,
+    INTERRUPTIONS,
+    KNOWN,
+    MISSING,
+    WITHOUT_PLAN,
+)
 from acquisition.readings import Reading
 from goniometer.errors import JournalError
 
@@ -106,7 +116,7 @@ class Journal:
         if number not in MISSING:
             connection.close()
             raise JournalError(
-                f"{path} has journal format {number}; this version of goniometer reads {' and '.join(MISSING)}. Read "
+                f"{path} has journal format {number}; this version of goniometer reads {KNOWN}. Read "
                 "it with the version that wrote it, or a newer one."
             )
         return cls(connection, path, number, found)
@@ -206,7 +216,7 @@ class Journal:
 
     def interruptions(self) -> tuple[Interruption, ...]:
         """When the scan was interrupted, and went on, in order."""
-        if self._stored != FORMAT:
+        if self._stored in WITHOUT_PLAN:
             return ()
         return tuple(Interruption(*row) for row in self._rows(INTERRUPTIONS))
 

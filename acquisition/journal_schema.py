@@ -6,10 +6,22 @@ from dataclasses import fields
 
 from acquisition.readings import Reading
 
-FORMAT = "3"
+_ADDED: dict[str, tuple[str, ...]] = {
+    "1": (),
+    "2": ("retarder_deg", "retardance_deg"),
+    "3": (),  # what was planned, and interruptions
+    "4": ("exit_azimuth_deg",),
+}
+"""Columns of a reading that each format has beside those of the one before."""
+
+FORMAT = max(_ADDED)
+KNOWN = f"{', '.join([*_ADDED][:-1])} and {FORMAT}"
 COLUMNS = tuple(field.name for field in fields(Reading))
-MISSING = {"1": ("retarder_deg", "retardance_deg"), "2": (), FORMAT: ()}
+MISSING = {known: tuple(name for later, names in _ADDED.items() if later > known for name in names) for known in _ADDED}
 """Columns of a reading that the journals of each format do not have; nothing stood in their place."""
+
+WITHOUT_PLAN = ("1", "2")
+"""Formats that do not say which readings were planned."""
 
 _TYPES = {"point": "INTEGER", "kind": "TEXT", "repeat": "INTEGER", "slot": "INTEGER"}
 CREATE = (

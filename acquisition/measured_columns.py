@@ -14,6 +14,8 @@ from acquisition.fit_points import in_radians
 from acquisition.text_table import TextTable
 
 ANGLES = ("incidence_deg", "exit_deg", "phi_deg")
+EXIT_AZIMUTH = "exit_azimuth_deg"
+"""Of a run's own table: the turn of the plane of a signed exit angle, in place of phi_deg."""
 STOKES = tuple(f"s{place}_per_sr" for place in range(4))
 MUELLER = tuple(f"m{place // 4}{place % 4}" for place in range(16))
 DOLP = ("dolp",)
@@ -50,7 +52,7 @@ def covariance_of(one: str, other: str) -> str:
 
 _VALUES = tuple(column for columns in KINDS.values() for column in columns)
 _COVARIANCES = tuple(covariance_of(one, other) for one in STOKES for other in STOKES)
-KNOWN = (*ANGLES, *_NOT_FITTED, *_VALUES, *map(stderr_of, _VALUES), *_COVARIANCES, *_FROM_STOKES)
+KNOWN = (*ANGLES, EXIT_AZIMUTH, *_NOT_FITTED, *_VALUES, *map(stderr_of, _VALUES), *_COVARIANCES, *_FROM_STOKES)
 
 
 def picked_values(table: TextTable) -> tuple[str, tuple[str, ...]]:
@@ -86,7 +88,7 @@ def _check_columns(table: TextTable, kind: str, picked: Sequence[str]) -> None:
     for group in (errors, covariances):
         if any(name in table.columns for name in group):
             needed += group
-    useful = {*ANGLES, *_NOT_FITTED, *picked, *errors}
+    useful = {*ANGLES, EXIT_AZIMUTH, *_NOT_FITTED, *picked, *errors}
     if kind == "Stokes":
         useful |= {*covariances, *_FROM_STOKES}
     for name in needed:
@@ -127,6 +129,11 @@ def _check_angles(table: TextTable) -> None:
         table.refuse("exit_deg", is_bad, "allowed: from 0 to below 90, for phi_deg says on which side")
     if phi is not None:
         table.refuse("phi_deg", np.abs(phi) > 360.0, "allowed: from -360 to 360")
+    if EXIT_AZIMUTH in table.columns:
+        table.refuse(EXIT_AZIMUTH, np.abs(table.columns[EXIT_AZIMUTH]) > 360.0, "allowed: from -360 to 360")
+        if phi is not None or exit_ is None:
+            what = "goes with a signed exit_deg and without phi_deg, which would say the same; take one of the two out"
+            table.add(table.header_line, f"column {EXIT_AZIMUTH} {what}")
 
 
 def _check_brightness(table: TextTable, name: str) -> None:

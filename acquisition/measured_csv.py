@@ -8,7 +8,15 @@ from pathlib import Path
 import numpy as np
 
 from acquisition.fit_points import directions, in_radians
-from acquisition.measured_columns import KINDS, KNOWN, check_values, covariance_of, picked_values, stderr_of
+from acquisition.measured_columns import (
+    EXIT_AZIMUTH,
+    KINDS,
+    KNOWN,
+    check_values,
+    covariance_of,
+    picked_values,
+    stderr_of,
+)
 from acquisition.text_table import TextTable, read_table
 from model.fit import Dataset
 from model.fit.dataset import is_positive_definite
@@ -47,7 +55,12 @@ def read_measured_csv(path: Path) -> Dataset:
     table.check()
     given = table.columns
     # Ellipsometry is done in the mirror direction where nobody says otherwise.
-    where = directions(given["incidence_deg"], given.get("exit_deg", given["incidence_deg"]), given.get("phi_deg"))
+    where = directions(
+        given["incidence_deg"],
+        given.get("exit_deg", given["incidence_deg"]),
+        given.get("phi_deg"),
+        exit_azimuth_deg=given.get(EXIT_AZIMUTH, 0.0),
+    )
     values = np.stack([in_radians(name, given[name]) for name in picked], axis=1)
     if "delta_deg" in picked:
         values[:, 1] = wrapped(values[:, 1])

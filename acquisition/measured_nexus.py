@@ -66,7 +66,10 @@ def _data(file: h5py.File, path: Path) -> Dataset:
             f"{expected}. Nothing was fitted. Write the file again from the run: goniometer fit RUN"
         )
     observable = Elements(tuple(range(count)))
-    there = directions(incidence_deg, exit_deg)
+    exit_azimuth_deg = np.zeros(rows)
+    if f"{_POINTS}/exit_azimuth" in file:
+        exit_azimuth_deg = _numbers(file, "exit_azimuth", "deg", 1, path)
+    there = directions(incidence_deg, exit_deg, exit_azimuth_deg=exit_azimuth_deg)
     return Dataset(*there, np.stack(stokes, axis=1), covariance, observable, name=path.name)
 
 

@@ -23,10 +23,11 @@ class Moving:
     def __call__(self, here: Target, there: Target) -> float:
         """Duration of the way, settling and questions included."""
         incidence_deg, azimuth_deg = there.incidence_deg - here.incidence_deg, there.azimuth_deg - here.azimuth_deg
-        if self._timing.zones and (incidence_deg or azimuth_deg):
+        exit_azimuth_deg = round(there.exit_azimuth_deg - here.exit_azimuth_deg, 9)
+        if self._timing.zones and (incidence_deg or azimuth_deg or exit_azimuth_deg):
             return _moving_s(here, there, self._timing)
         exit_deg = round(there.exit_deg - here.exit_deg, 9)
-        key = (incidence_deg, exit_deg, azimuth_deg, here.slot, there.slot)
+        key = (incidence_deg, exit_deg, azimuth_deg, exit_azimuth_deg, here.slot, there.slot)
         known_s = self._known_s.get(key)
         if known_s is None:
             known_s = self._known_s[key] = _moving_s(here, there, self._timing)
@@ -34,14 +35,10 @@ class Moving:
 
 
 def _moving_s(here: Target, there: Target, timing: BenchTiming) -> float:
-    ways = (
-        (timing.source_arm, there.incidence_deg - here.incidence_deg),
-        (timing.detector_arm, there.exit_deg - here.exit_deg),
-        (timing.sample_azimuth, there.azimuth_deg - here.azimuth_deg),
-    )
-    going = [axis for axis, way in ways if way]
+    here_deg, there_deg = here.axes_deg, there.axes_deg
+    going = [axis for role, axis in timing.axes.items() if there_deg[role] != here_deg[role]]
     settles_s = [axis.settle_s for axis in going]
-    moving_s = timing.axes_s(here.axes_deg, there.axes_deg) + sum(axis.start_s + axis.exchange_s for axis in going)
+    moving_s = timing.axes_s(here_deg, there_deg) + sum(axis.start_s + axis.exchange_s for axis in going)
     if here.slot != there.slot:
         analyzer = timing.analyzer
         moving_s = max(moving_s, analyzer.move_s(here.slot, there.slot) + analyzer.exchange_s)

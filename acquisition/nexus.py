@@ -31,6 +31,7 @@ if TYPE_CHECKING:
 
 _DIMENSIONLESS = ""
 """The units attribute of a ratio or a count, as the NeXus manual writes it (unit category NX_DIMENSIONLESS)."""
+_EXIT_AZIMUTH = "turn of the plane of the exit angle out of the plane of incidence, right-handed about the normal"
 _STOKES_NAMES = (
     "S0 per unit irradiance",
     "S1 per unit irradiance: s-polarized less p-polarized light",
@@ -131,6 +132,8 @@ def _write_instrument(entry: h5py.Group, readings: Sequence[Reading], noise: Noi
     _field(raw, "incidence_angle", column(lambda reading: reading.incidence_deg), "deg")
     _field(raw, "exit_angle", column(lambda reading: reading.exit_deg), "deg", "signed exit angle")
     _field(raw, "sample_azimuth", column(lambda reading: reading.azimuth_deg), "deg")
+    if any(reading.exit_azimuth_deg is not None for reading in readings):
+        _field(raw, "exit_azimuth", column(lambda reading: reading.exit_azimuth_deg or 0.0), "deg", _EXIT_AZIMUTH)
     polarizer_deg = column(lambda reading: np.nan if reading.analyzer_deg is None else reading.analyzer_deg)
     analyzer["polarizer_angle"] = _field(raw, "polarizer_angle", polarizer_deg, "deg", "from the s-direction")
     if any(reading.retarder_deg is not None for reading in readings):
@@ -194,7 +197,11 @@ def _plot(
     _field(group, "exit_angle", [point.exit_deg for point in points], "deg", "signed exit angle")
     _field(group, "incidence_angle", [point.incidence_deg for point in points], "deg")
     _field(group, "sample_azimuth", [point.azimuth_deg for point in points], "deg")
-    for axis in ("exit_angle", "incidence_angle", "sample_azimuth"):
+    axes = ["exit_angle", "incidence_angle", "sample_azimuth"]
+    if any(point.exit_azimuth_deg is not None for point in points):
+        _field(group, "exit_azimuth", [point.exit_azimuth_deg or 0.0 for point in points], "deg", _EXIT_AZIMUTH)
+        axes.append("exit_azimuth")
+    for axis in axes:
         group.attrs[f"{axis}_indices"] = 0
     return group
 

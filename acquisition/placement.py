@@ -81,7 +81,7 @@ class Placement:
         here_deg = self._still_there_deg()
         targets_deg = {
             role: angle_deg
-            for role, angle_deg in target.axes_deg.items()
+            for role, angle_deg in self._axes_deg(target).items()
             if role in self._sent or abs(here_deg[role] - angle_deg) > self._bench.axes[role].tolerance_deg
         }
         self._at = self._seen_deg = None
@@ -149,7 +149,7 @@ class Placement:
         Returns
         -------
         tuple of float
-            The angles, in degrees: incidence, exit, azimuth.
+            The angles, in degrees: incidence, exit, azimuth, and exit azimuth where the bench has that axis.
 
         Raises
         ------
@@ -162,7 +162,8 @@ class Placement:
         if anew:
             self._seen_deg = None
         positions_deg, asked_s = self._positions_deg()
-        for role, target_deg in self._at.axes_deg.items():
+        targets_deg = self._axes_deg(self._at)
+        for role, target_deg in targets_deg.items():
             axis, position_deg = self._bench.axes[role], positions_deg[role]
             if abs(position_deg - target_deg) > axis.tolerance_deg:
                 self._send_again(role, positions_deg, target_deg)
@@ -173,10 +174,14 @@ class Placement:
                     not_done="the readings there",
                     to_do="check that nothing touches the stage, home it, then run the recipe again",
                 )
-        self._left_deg, self._seen_deg = self._at.axes_deg, (positions_deg, asked_s)
+        self._left_deg, self._seen_deg = targets_deg, (positions_deg, asked_s)
         self._sent.clear()
         self._sent_again.clear()
-        return tuple(positions_deg[role] for role in self._at.axes_deg)
+        return tuple(positions_deg[role] for role in targets_deg)
+
+    def _axes_deg(self, target: Target) -> dict[str, float]:
+        """Where a target wants the axes that the bench has."""
+        return {role: angle_deg for role, angle_deg in target.axes_deg.items() if role in self._bench.axes}
 
     def _send_again(self, role: str, positions_deg: Mapping[str, float], target_deg: float) -> None:
         """Have an axis sent again that has missed its target by little, as often as its rig allows.

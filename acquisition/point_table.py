@@ -12,10 +12,16 @@ from numpy.typing import NDArray
 
 from acquisition.exit_angles import MAX_DIRECTIONS, WIDEST_EXIT_DEG
 
-NAMES = ("incidence_deg", "exit_deg", "azimuth_deg")
-"""The columns; the last one may be left out, and then is 0."""
+NAMES = ("incidence_deg", "exit_deg", "azimuth_deg", "exit_azimuth_deg")
+"""The columns; the last two may be left out, and then are 0."""
 
-_ALLOWED = {"incidence_deg": (0.0, 89.0), "exit_deg": (-WIDEST_EXIT_DEG, WIDEST_EXIT_DEG), "azimuth_deg": (-360, 360)}
+_ALLOWED = {
+    "incidence_deg": (0.0, 89.0),
+    "exit_deg": (-WIDEST_EXIT_DEG, WIDEST_EXIT_DEG),
+    "azimuth_deg": (-360, 360),
+    "exit_azimuth_deg": (-360, 360),
+}
+_HEADER = ",".join(NAMES[:3])
 _MOST_FAULTS = 20
 """Faults that are listed; behind so many, more tell nothing new."""
 
@@ -25,7 +31,7 @@ LineFault = tuple[int, str]
 
 @dataclass(frozen=True, eq=False)
 class PointTable:
-    """The directions (N, 3) of a table in degrees, incidence, exit and azimuth, and what is wrong with it."""
+    """The directions (N, 4) of a table in degrees, in the order of `NAMES`, and what is wrong with it."""
 
     angles_deg: NDArray[np.float64]
     faults: tuple[LineFault, ...]
@@ -40,7 +46,8 @@ def point_table(text: str) -> PointTable:
     Parameters
     ----------
     text : str
-        ``incidence_deg,exit_deg,azimuth_deg``, in any order, and a direction a line; angles in degrees.
+        ``incidence_deg,exit_deg,azimuth_deg,exit_azimuth_deg``, in any order, and a direction a line; angles in
+        degrees.
     """
     lines = [
         (number, stripped)
@@ -48,11 +55,11 @@ def point_table(text: str) -> PointTable:
         if (stripped := line.strip()) and not stripped.startswith("#")
     ]
     if not lines:
-        return PointTable(np.empty((0, 3)), ((1, f"holds no table. Begin it with the line '{','.join(NAMES)}'"),))
+        return PointTable(np.empty((0, 4)), ((1, f"holds no table. Begin it with the line '{_HEADER}'"),))
     header_line, header = lines[0]
     names = [name.strip() for name in header.split(",")]
     if faults := tuple((header_line, what) for what in _header_faults(names)):
-        return PointTable(np.empty((0, 3)), faults)
+        return PointTable(np.empty((0, 4)), faults)
     rows, found = [], _Faults()
     for number, line in lines[1:]:
         row = _row(line, names)
@@ -66,7 +73,7 @@ def point_table(text: str) -> PointTable:
         found.add(lines[-1][0], f"is direction {len(rows)}; allowed: at most {MAX_DIRECTIONS}")
     columns = [names.index(name) if name in names else None for name in NAMES]
     table = np.array(rows, np.float64).reshape(len(rows), len(names))
-    angles_deg = np.zeros((len(rows), 3))
+    angles_deg = np.zeros((len(rows), len(NAMES)))
     for place, column in enumerate(columns):
         if column is not None:
             angles_deg[:, place] = table[:, column]
@@ -88,7 +95,7 @@ class _Faults:
 
 def _header_faults(names: list[str]) -> Iterator[str]:
     if names[0] and all(_is_number(name) for name in names):
-        yield f"the names of the columns are missing. Put the line '{','.join(NAMES)}' above"
+        yield f"the names of the columns are missing. Put the line '{_HEADER}' above"
         return
     for name in dict.fromkeys(names):
         if name not in NAMES:

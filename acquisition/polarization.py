@@ -47,6 +47,7 @@ def stokes_point(reading: Reading, stokes: NDArray[np.float64], covariance: NDAr
         incidence_deg=reading.incidence_deg,
         exit_deg=reading.exit_deg,
         azimuth_deg=reading.azimuth_deg,
+        exit_azimuth_deg=reading.exit_azimuth_deg,
         stokes=stokes,
         covariance=covariance,
         dolp=dolp,

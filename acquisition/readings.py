@@ -20,6 +20,7 @@ class Reading:
     `point` counts the recipe's directions; `time_s` is the bench clock's; `slot` is the analyzer slot read back;
     `analyzer_deg` the angle of the polarizer in it, None for a slot without one (open or blocked); `retarder_deg` and
     `retardance_deg` are the fast axis and the retardance of a retarder before the polarizer, None without one.
+    `exit_azimuth_deg` is the detector arm's turn out of the plane of incidence, None on a bench that cannot turn it.
     """
 
     point: int
@@ -35,6 +36,7 @@ class Reading:
     power_w: float
     retarder_deg: float | None = None
     retardance_deg: float | None = None
+    exit_azimuth_deg: float | None = None
 
     @property
     def analyzer(self) -> AnalyzerState:
@@ -50,7 +52,8 @@ class StokesPoint:
     bias that noise adds removed; both are NaN where noise has made S0 negative. `aolp_deg` is in (-90, 90], from the
     s-direction. `docp`, which is S3/S0 with its sign, and the degree of polarization `dop`, linear and circular
     together, are None where S3 was not measured. `is_contradictory` says that some of its
-    readings are dark where the others say that there is light.
+    readings are dark where the others say that there is light. `exit_azimuth_deg` is as in its readings; the
+    s-direction is perpendicular to the surface normal and to the way to the detector.
     """
 
     point: int
@@ -69,6 +72,7 @@ class StokesPoint:
     dop: float | None = None
     dop_stderr: float | None = None
     is_contradictory: bool = False
+    exit_azimuth_deg: float | None = None
 
     @property
     def has_s3(self) -> bool:

@@ -191,7 +191,7 @@ class Readout:
 
 
 def _reading(step: Step, repeat: int, time_s: float, angles_deg: tuple[float, ...], power_w: float) -> Reading:
-    incidence_deg, exit_deg, azimuth_deg = angles_deg
+    incidence_deg, exit_deg, azimuth_deg, *out_of_plane = angles_deg
     return Reading(
         point=step.point,
         kind=step.kind,
@@ -206,4 +206,5 @@ def _reading(step: Step, repeat: int, time_s: float, angles_deg: tuple[float, ..
         power_w=power_w,
         retarder_deg=step.retarder_deg,
         retardance_deg=step.retardance_deg,
+        exit_azimuth_deg=out_of_plane[0] if out_of_plane else None,
     )

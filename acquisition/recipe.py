@@ -241,7 +241,7 @@ class Recipe(RecipeDirections):
             return
         key = "adaptive" if self.adaptive else "until" if self.until else "at_most"
         if self.follows_fit and not self.is_one_plane:
-            what = "a list of points" if self.has_points else "several angles of incidence or of the sample"
+            what = "a list of points" if self.has_points else self.several_planes
             yield (
                 (key,),
                 f"chooses among exit angles only; {what} cannot be measured so. Leave {key} out, or write one angle of "
@@ -295,5 +295,4 @@ class Recipe(RecipeDirections):
 
     def readings_of_directions(self) -> tuple[int, ...]:
         """How many readings each direction gets in every slot, at most, by its number."""
-        planes = 1 if self.has_points else len(self.incidences_deg()) * len(self.azimuths_deg())
-        return self.readings_of_angles() * planes
+        return self.readings_of_angles() * (self.planes or 1)

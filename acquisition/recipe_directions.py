@@ -16,14 +16,17 @@ from acquisition.exit_angles import (
     Azimuth,
     AzimuthRange,
     ExitAngle,
+    ExitAzimuthRange,
     ExitRange,
     Incidence,
     IncidenceRange,
 )
-from acquisition.point_table import point_table
+from acquisition.point_table import NAMES, point_table
 from acquisition.section import Section, SectionFault, refuse_all
 
 MAX_REPEATS = 1000
+
+_SEVERAL = "several angles of incidence or of the sample"
 
 
 class Point(Section):
@@ -32,27 +35,30 @@ class Point(Section):
     incidence_deg: Incidence = Field(description="angle of incidence from the surface normal, in degrees")
     exit_deg: ExitAngle = Field(description="exit angle, in degrees")
     azimuth_deg: Azimuth = Field(default=0.0, description="angle of the sample about its normal, in degrees")
+    exit_azimuth_deg: Azimuth = Field(
+        default=0.0, description="turn of the detector arm out of the plane of incidence, in degrees"
+    )
 
 
 class RecipeDirections(Section):
     """The directions of a recipe, numbered as they are listed: of a product, the exit angle runs fastest.
 
-    Incidence, sample azimuth and exit angle may each take several values; every combination is measured. Or `points`
-    lists the directions one by one.
+    Incidence, sample azimuth, exit azimuth and exit angle may each take several values; every combination is measured.
+    Or `points` lists the directions one by one.
     """
 
     points: (
         Annotated[tuple[Point, ...], Field(strict=False, min_length=1)] | Annotated[str, Field(min_length=1)] | None
     ) = Field(
         default=None,
-        description="directions one by one, in place of incidence_deg, exit and azimuth_deg; or a table of them, "
+        description="directions one by one, in place of incidence_deg, exit and the azimuths; or a table of them, "
         "as text like that of points_file",
     )
     points_file: str | None = Field(
         default=None,
         min_length=1,
-        description="file with directions, comma-separated below the names incidence_deg,exit_deg,azimuth_deg; a "
-        "relative path starts at this file's folder",
+        description="file with directions, comma-separated below the names incidence_deg,exit_deg,azimuth_deg, and "
+        "exit_azimuth_deg where it is needed; a relative path starts at this file's folder",
     )
     incidence_deg: (
         Incidence | Annotated[tuple[Incidence, ...], Field(strict=False, min_length=1)] | IncidenceRange | None
@@ -71,6 +77,13 @@ class RecipeDirections(Section):
     azimuth_deg: Azimuth | Annotated[tuple[Azimuth, ...], Field(strict=False, min_length=1)] | AzimuthRange = Field(
         default=0.0,
         description="angle of the sample about its normal, in degrees; or several, as a list or a grid",
+    )
+    exit_azimuth_deg: Azimuth | Annotated[tuple[Azimuth, ...], Field(strict=False, min_length=1)] | ExitAzimuthRange = (
+        Field(
+            default=0.0,
+            description="turn of the detector arm out of the plane of incidence, in degrees, for a rig with the axis "
+            "detector_azimuth; or several, as a list or a grid",
+        )
     )
     repeats: int = Field(
         default=1,
@@ -96,7 +109,7 @@ class RecipeDirections(Section):
                 f"found {found} of the keys exit and exit_deg; write one of them, for example "
                 "'exit: {start_deg: 0, stop_deg: 60, step_deg: 1}' or 'exit_deg: [0, 30, 60]'"
             )
-        count = len(self.incidences_deg()) * len(self.azimuths_deg()) * len(self.exit_angles_deg())
+        count = self.planes * len(self.exit_angles_deg())
         if count > MAX_DIRECTIONS:
             raise ValueError(f"asks for {count} directions; allowed: at most {MAX_DIRECTIONS}")
         return self
@@ -106,7 +119,7 @@ class RecipeDirections(Section):
             yield ("points_file",), "stands beside points. Leave one of the two out"
         elif self.points_file is not None:
             yield ("points_file",), "was not read, for a file is found beside a recipe file only"
-        for key in ("incidence_deg", "exit", "exit_deg", "azimuth_deg"):
+        for key in ("incidence_deg", "exit", "exit_deg", "azimuth_deg", "exit_azimuth_deg"):
             if self.has_points and key in self.model_fields_set:
                 yield (key,), "stands beside a list of points, which says all angles. Leave it out"
         if isinstance(self.points, str):
@@ -121,7 +134,17 @@ class RecipeDirections(Section):
     @property
     def is_one_plane(self) -> bool:
         """Whether only the exit angle takes several values."""
-        return not self.has_points and len(self.incidences_deg()) == len(self.azimuths_deg()) == 1
+        return not self.has_points and self.planes == 1
+
+    @property
+    def planes(self) -> int:
+        """How many combinations of angles other than the exit angle a product has; 0 for a list of points."""
+        return len(self.incidences_deg()) * len(self.azimuths_deg()) * len(self.exit_azimuths_deg())
+
+    @property
+    def several_planes(self) -> str:
+        """What of a product with several planes makes them so, in words."""
+        return "several exit azimuths" if len(self.exit_azimuths_deg()) > 1 else _SEVERAL
 
     def incidences_deg(self) -> tuple[float, ...]:
         """Angles of incidence of a product, in degrees, as they are listed; none for a list of points."""
@@ -131,20 +154,30 @@ class RecipeDirections(Section):
         """Angles of the sample of a product, in degrees, as they are listed; none for a list of points."""
         return () if self.has_points else _listed(self.azimuth_deg)
 
+    def exit_azimuths_deg(self) -> tuple[float, ...]:
+        """Exit azimuths of a product, in degrees, as they are listed; none for a list of points."""
+        return () if self.has_points else _listed(self.exit_azimuth_deg)
+
     def exit_angles_deg(self) -> tuple[float, ...]:
         """Exit angles of a product, in degrees, as they are listed; none for a list of points."""
         return _listed(self.exit if self.exit is not None else self.exit_deg)
 
     def directions_deg(self) -> NDArray[np.float64]:
-        """Incidence, exit angle and sample azimuth of every direction (N, 3), in degrees, by its number."""
+        """Incidence, exit angle, sample and exit azimuth of every direction (N, 4), in degrees, by its number."""
         if isinstance(self.points, str):
             return point_table(self.points).angles_deg
         if self.points is not None:
-            return np.array([(point.incidence_deg, point.exit_deg, point.azimuth_deg) for point in self.points])
-        incidence_deg, azimuth_deg, exit_deg = np.meshgrid(
-            self.incidences_deg(), self.azimuths_deg(), self.exit_angles_deg(), indexing="ij"
+            return np.array([[getattr(point, name) for name in NAMES] for point in self.points])
+        incidence_deg, azimuth_deg, exit_azimuth_deg, exit_deg = np.meshgrid(
+            self.incidences_deg(),
+            self.azimuths_deg(),
+            self.exit_azimuths_deg(),
+            self.exit_angles_deg(),
+            indexing="ij",
         )
-        return np.stack([incidence_deg.ravel(), exit_deg.ravel(), azimuth_deg.ravel()], axis=1)
+        return np.stack(
+            [angle_deg.ravel() for angle_deg in (incidence_deg, exit_deg, azimuth_deg, exit_azimuth_deg)], 1
+        )
 
 
 def _listed(angles_deg: float | tuple[float, ...] | AngleRange | None) -> tuple[float, ...]:

@@ -35,12 +35,12 @@ def routes(angles_deg: Angles, ways: Ways) -> list[Order]:
     Parameters
     ----------
     angles_deg : ndarray
-        Shape (N, 3): the directions as they are listed.
+        Shape (N, 4): the directions as they are listed.
     ways : Ways
         How long it takes from one to another.
     """
     listed = np.arange(len(angles_deg))
-    varying = [axis for axis in range(3) if np.ptp(angles_deg[:, axis]) > 0.0]
+    varying = [axis for axis in range(angles_deg.shape[1]) if np.ptp(angles_deg[:, axis]) > 0.0]
     if len(varying) < 2:
         along = angles_deg[:, varying[0] if varying else _EXIT]
         found = [_upwards_or_downwards(along)]

@@ -38,20 +38,25 @@ class Slots:
 
 @dataclass(frozen=True)
 class Target:
-    """Where the bench stands: three angles in degrees and the analyzer's slot."""
+    """Where the bench stands: angles in degrees and the analyzer's slot.
+
+    `exit_azimuth_deg` is the detector arm's turn out of the plane of incidence, 0 on a bench that cannot turn it.
+    """
 
     incidence_deg: float
     exit_deg: float
     azimuth_deg: float
     slot: int
+    exit_azimuth_deg: float = 0.0
 
     @property
     def axes_deg(self) -> dict[str, float]:
-        """Where the axes stand, by role."""
+        """Where the axes stand, by role; not every bench has the last one."""
         return {
             "source_arm": self.incidence_deg,
             "detector_arm": self.exit_deg,
             "sample_azimuth": self.azimuth_deg,
+            "detector_azimuth": self.exit_azimuth_deg,
         }
 
 

@@ -31,9 +31,17 @@ _LINEAR = ("dolp", "dolp_debiased", "dolp_stderr", "aolp_deg", "aolp_stderr_deg"
 _WITH_S3 = ("docp", "docp_stderr", "dop", "dop_stderr")
 
 
-def columns(count: int) -> tuple[str, ...]:
-    """Names of the columns for so many Stokes parameters, 3 or 4."""
-    return ("point", *_ANGLES, *_stokes(count), *_standard_errors(count), *_covariances(count), *_ratios(count))
+_OUT_OF_PLANE = "exit_azimuth_deg"
+_CONVENTIONS_OUT_OF_PLANE = """\
+# exit_azimuth_deg is the turn of the plane of the exit angles out of the plane of incidence, right-handed about the
+# surface normal. The s-direction is perpendicular to the plane of the exit angles.
+"""
+
+
+def columns(count: int, *, out_of_plane: bool = False) -> tuple[str, ...]:
+    """Names of the columns for so many Stokes parameters, 3 or 4, and of directions that may lie out of the plane."""
+    angles = (*_ANGLES, _OUT_OF_PLANE) if out_of_plane else _ANGLES
+    return ("point", *angles, *_stokes(count), *_standard_errors(count), *_covariances(count), *_ratios(count))
 
 
 def _stokes(count: int) -> list[str]:
@@ -72,8 +80,11 @@ def write_stokes_csv(path: Path, points: Sequence[StokesPoint]) -> None:
         file.write(_CONVENTIONS)
         if count == 4:
             file.write(_CONVENTIONS_OF_S3)
+        out_of_plane = any(point.exit_azimuth_deg is not None for point in points)
+        if out_of_plane:
+            file.write(_CONVENTIONS_OUT_OF_PLANE)
         writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(columns(count))
+        writer.writerow(columns(count, out_of_plane=out_of_plane))
         writer.writerows(_row(point) for point in points)
 
 
@@ -103,15 +114,17 @@ def read_stokes_csv(path: Path) -> tuple[StokesPoint, ...]:
     rows = csv.reader(line for _, line in numbered)
     header = next(rows, [])
     count = 4 if _stokes(4)[3] in header else 3
-    if missing := [column for column in columns(count) if column not in header]:
+    names = columns(count, out_of_plane=_OUT_OF_PLANE in header)
+    if missing := [column for column in names if column not in header]:
         raise JournalError(f"{path} is not a table of Stokes points: it has no column {', '.join(missing)}.")
-    return tuple(_point(path, number, header, row, count) for (number, _), row in zip(numbered[1:], rows, strict=True))
+    return tuple(_point(path, number, header, row, names) for (number, _), row in zip(numbered[1:], rows, strict=True))
 
 
 def _row(point: StokesPoint) -> list[str]:
     # repr of a float is the shortest text that reads back to the same bits
     numbers = [
         *(point.incidence_deg, point.exit_deg, point.azimuth_deg),
+        *([] if point.exit_azimuth_deg is None else [point.exit_azimuth_deg]),
         *point.stokes,
         *np.sqrt(np.diag(point.covariance)),
         *point.covariance.flat,
@@ -120,16 +133,18 @@ def _row(point: StokesPoint) -> list[str]:
     return [str(point.point), *(repr(float(number)) for number in numbers)]
 
 
-def _point(path: Path, line: int, header: list[str], row: list[str], count: int) -> StokesPoint:
+def _point(path: Path, line: int, header: list[str], row: list[str], names: Sequence[str]) -> StokesPoint:
+    count = 4 if _stokes(4)[3] in names else 3
     try:
         if len(row) != len(header):
             raise ValueError(f"it has {len(row)} values for {len(header)} columns")
         cell = dict(zip(header, row, strict=True))
-        number = {column: float(cell[column]) for column in columns(count)[1:]}
+        number = {column: float(cell[column]) for column in names[1:]}
         index = int(cell["point"])
     except ValueError as error:
         raise JournalError(f"{path}, line {line}, is damaged: {error}. Write it again from the journal.") from error
     scalars: dict[str, Any] = {name: number[name] for name in (*_ANGLES, *_ratios(count))}
+    scalars[_OUT_OF_PLANE] = number.get(_OUT_OF_PLANE)
     return StokesPoint(
         point=index,
         **scalars,

@@ -155,7 +155,10 @@ class DetectorTiming:
 
 @dataclass(frozen=True)
 class BenchTiming:
-    """The timing of every part of the bench; axes that could touch in a zone move one after the other."""
+    """The timing of every part of the bench; axes that could touch in a zone move one after the other.
+
+    `detector_azimuth` is None on a bench without this axis.
+    """
 
     source_arm: AxisTiming
     detector_arm: AxisTiming
@@ -163,28 +166,34 @@ class BenchTiming:
     analyzer: AnalyzerTiming
     zones: tuple[Zone, ...] = ()
     detector: DetectorTiming = DetectorTiming()
+    detector_azimuth: AxisTiming | None = None
+
+    @property
+    def axes(self) -> dict[str, AxisTiming]:
+        """The axes that the bench has, by role, in the order of `Target.axes_deg`."""
+        axes = {
+            "source_arm": self.source_arm,
+            "detector_arm": self.detector_arm,
+            "sample_azimuth": self.sample_azimuth,
+        }
+        return axes if self.detector_azimuth is None else {**axes, "detector_azimuth": self.detector_azimuth}
 
     def reading_s(self, exposure_s: float) -> float:
         """Duration of a reading; the axes are asked where they are meanwhile, which may take longer."""
-        asking_s = sum(axis.exchange_s for axis in (self.source_arm, self.detector_arm, self.sample_azimuth))
+        asking_s = sum(axis.exchange_s for axis in self.axes.values())
         return max(self.detector.reading_s(exposure_s), asking_s + CONFIRM_S)
 
     def readings_s(self, readings: int, exposure_s: float) -> float:
         """Duration of a step's readings: during the last, the analyzer is asked about the one before it, too."""
         if readings < 2:
             return readings * self.reading_s(exposure_s)
-        axes = self.source_arm, self.detector_arm, self.sample_azimuth
-        asking_s = self.analyzer.exchange_s + sum(axis.exchange_s for axis in axes) + CONFIRM_S
+        asking_s = self.analyzer.exchange_s + sum(axis.exchange_s for axis in self.axes.values()) + CONFIRM_S
         return readings * self.reading_s(exposure_s) + max(asking_s - self.reading_s(exposure_s), 0.0)
 
     def axes_s(self, here_deg: Mapping[str, float], there_deg: Mapping[str, float]) -> float:
         """Duration of the axes' moves between two places, given by role; a way through a zone counts as if free."""
-        axes = {
-            "source_arm": self.source_arm,
-            "detector_arm": self.detector_arm,
-            "sample_azimuth": self.sample_azimuth,
-        }
-        ways = {role: (start, there_deg[role]) for role, start in here_deg.items() if start != there_deg[role]}
+        axes = self.axes
+        ways = {role: (here_deg[role], there_deg[role]) for role in axes if here_deg[role] != there_deg[role]}
         if len(ways) < 2:
             return sum(axes[role].move_s(there - here) for role, (here, there) in ways.items())
         order = free_order(self.zones, here_deg, ways) or (tuple(ways),)

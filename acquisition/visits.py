@@ -33,7 +33,7 @@ class Visits:
         self._recipe, self._slots, self._timing = recipe, slots, timing
         self._tour = shortest_tour(recipe, slots, timing.analyzer)
         self._moving_s = Moving(timing)
-        self._incidence_deg, _, self._azimuth_deg = recipe.directions_deg()[0].tolist()
+        self._incidence_deg, _, self._azimuth_deg, self._exit_azimuth_deg = recipe.directions_deg()[0].tolist()
 
     def steps(self, point: int, exit_deg: float, readings: int, here: Target) -> tuple[Step, ...]:
         """The steps that measure an exit angle with so many readings in every slot, as the point of this number."""
@@ -87,11 +87,12 @@ class Visits:
 
     def _target(self, exit_deg: float, slot: int) -> Target:
         """In the plane of the recipe's first direction, which is the only one of a scan that decides as it goes."""
-        return Target(self._incidence_deg, exit_deg, self._azimuth_deg, slot)
+        return Target(self._incidence_deg, exit_deg, self._azimuth_deg, slot, self._exit_azimuth_deg)
 
     def _reference(self, reference: Reference) -> _Place:
         assert self._slots.open is not None, "a recipe with a reference is only accepted with an open slot"
-        place = self._target(reference.exit_deg, self._slots.open)
+        # in the plane of incidence, where the light is that follows the lamp best
+        place = Target(self._incidence_deg, reference.exit_deg, self._azimuth_deg, self._slots.open)
         return "reference", place, AnalyzerState()
 
 

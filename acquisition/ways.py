@@ -13,7 +13,7 @@ from acquisition.timing import CONFIRM_S, AxisTiming, BenchTiming
 from drivers.collision_zones import free_order
 
 Angles = NDArray[np.float64]
-"""Incidence, exit angle and sample azimuth in degrees, shape (..., 3)."""
+"""Incidence, exit angle, sample azimuth and exit azimuth in degrees, shape (..., 4)."""
 
 MOST_WITH_ZONES = 61
 """Directions, home among them, between which every way is looked at for collisions."""
@@ -36,11 +36,11 @@ class Ways:
 
     def __init__(self, timing: BenchTiming, moving_s: Moving) -> None:
         self._moving_s, self._zones = moving_s, timing.zones
-        self._axes = timing.source_arm, timing.detector_arm, timing.sample_azimuth
+        self._axes = tuple(timing.axes.values())
 
     def free_s(self, starts_deg: Angles, ends_deg: Angles) -> NDArray[np.float64]:
         """Duration of each way (...) with all axes going at once, settling and questions included."""
-        way_deg = ends_deg - starts_deg
+        way_deg = (ends_deg - starts_deg)[..., : len(self._axes)]
         going = way_deg != 0.0
         moves_s = [axis_moves_s(axis, way_deg[..., place]) for place, axis in enumerate(self._axes)]
         settles_s = going * [axis.settle_s for axis in self._axes]
@@ -49,11 +49,11 @@ class Ways:
         return np.asarray(np.max(moves_s, axis=0) + settles_s.max(axis=-1) + asking_s - confirm_s)
 
     def along_s(self, places_deg: Angles) -> NDArray[np.float64]:
-        """Duration of the way from each of the directions (N, 3) to the next, shape (N - 1,)."""
+        """Duration of the way from each of the directions (N, 4) to the next, shape (N - 1,)."""
         return self._waiting_s(places_deg[:-1], places_deg[1:])
 
     def between_s(self, places_deg: Angles) -> NDArray[np.float64]:
-        """Duration of the way from each direction (N, 3) to each (N, N); one that leads through a zone takes very long.
+        """Duration of the way from each direction (N, 4) to each (N, N); one that leads through a zone takes very long.
 
         Of more than `MOST_WITH_ZONES` directions, all ways count as if free.
         """
@@ -68,7 +68,7 @@ class Ways:
         return np.asarray((ways_s + _BLOCKED_S * np.array(is_blocked)).reshape(count, count))
 
     def blocked(self, places_deg: Angles) -> int:
-        """How many of the ways from each of the directions (N, 3) to the next lead through a zone."""
+        """How many of the ways from each of the directions (N, 4) to the next lead through a zone."""
         if not self._zones:
             return 0
         return sum(self._is_blocked(one, other) for one, other in itertools.pairwise(places_deg))
@@ -89,8 +89,8 @@ class Ways:
 
 
 def _target(angles_deg: Angles) -> Target:
-    incidence_deg, exit_deg, azimuth_deg = angles_deg.tolist()
-    return Target(incidence_deg, exit_deg, azimuth_deg, _SLOT)
+    incidence_deg, exit_deg, azimuth_deg, exit_azimuth_deg = angles_deg.tolist()
+    return Target(incidence_deg, exit_deg, azimuth_deg, _SLOT, exit_azimuth_deg)
 
 
 def axis_moves_s(axis: AxisTiming, way_deg: Angles) -> NDArray[np.float64]:

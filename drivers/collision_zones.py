@@ -8,8 +8,14 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
+from drivers.arm_angle import nearest_deg
+
 Span = tuple[float, float]
 """Lowest and highest angle of an axis on its way, in degrees."""
+
+
+_IN_PLANE = (0.0, 0.0)
+_ROUNDING_DEG = 1e-9
 
 
 class Zone(Protocol):
@@ -26,10 +32,10 @@ class Zone(Protocol):
 
 @dataclass(frozen=True)
 class ArmsTooClose:
-    """Source arm and detector arm in one plane, with less than so many degrees between their axes.
+    """Source arm and detector arm with less than so many degrees between their axes.
 
-    The source stands at minus the angle of incidence, the detector at the exit angle, so the angle between them is the
-    sum of the two.
+    The source stands at minus the angle of incidence, the detector at the exit angle, so in one plane the angle between
+    them is the sum of the two; a detector azimuth may carry the detector out of that plane.
     """
 
     angle_deg: float
@@ -37,6 +43,9 @@ class ArmsTooClose:
     def is_entered(self, spans: Mapping[str, Span]) -> bool:
         """Whether the arms can come closer than that anywhere in the spans."""
         source, detector = spans["source_arm"], spans["detector_arm"]
+        azimuth = spans.get("detector_azimuth", _IN_PLANE)
+        if azimuth != _IN_PLANE:
+            return nearest_deg(source, detector, azimuth) < self.angle_deg - _ROUNDING_DEG
         lowest_deg, highest_deg = source[0] + detector[0], source[1] + detector[1]
         turns = math.floor((lowest_deg - self.angle_deg) / 360.0) + 1  # the first whose upper end is above the lowest
         return highest_deg > 360.0 * turns - self.angle_deg

@@ -10,7 +10,7 @@ from drivers.clock import Clock
 from drivers.interlock import Interlock
 from drivers.wire.wire_log import WireLog
 from goniometer.rig_devices.connecting import Connecting
-from goniometer.rig_devices.entry import ROLES
+from goniometer.rig_devices.entry import PLACING
 from goniometer.rig_file import Rig
 
 
@@ -52,10 +52,11 @@ def connected(
             analyzer,
             detector,
             tuple(bench.notes),
-            Interlock(rig.zones, {role: axes[role] for role in ROLES}),
+            Interlock(rig.zones, {role: axes[role] for role in PLACING if role in axes}),
             axes.get("polarizer"),
             tuple(axes[role] for role, axis in rig.axes().items() if axis.home_at_start),
             axes.get("retarder"),
             bench.identities,
             {role: axis.position_retries for role, axis in rig.axes().items()},
+            axes.get("detector_azimuth"),
         )

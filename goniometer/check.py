@@ -13,6 +13,7 @@ from acquisition.recipe import Recipe
 from goniometer.durations import clock_text
 from goniometer.load_files import Setup
 from goniometer.planning import aim, beginning
+from goniometer.rig_devices.entry import PLACING, Role
 
 _BYTES_PER_READING = 100
 
@@ -24,16 +25,18 @@ def describe_plan(setup: Setup) -> str:
         *_heading(setup, steps),
         f"rig: {setup.rig.rig} ({setup.rig_path})",
         f"analyzer: {_told(steps)}",
-        f"travel: {_travel(steps)}",
+        f"travel: {_travel(steps, [role for role in PLACING if role in setup.rig.axes()])}",
         f"data: about {_size(sum(step.readings for step in steps))} in the journal",
         *_apart(steps),
         "",
-        f"{'points':>15}  incidence  {'exit':>20}  azimuth  {'analyzer slots':<18}   ends at",
     ]
+    out_of_plane = "detector_azimuth" in setup.rig.axes()
+    aside = "  exit azimuth" if out_of_plane else ""
+    lines.append(f"{'points':>15}  incidence  {'exit':>20}  azimuth{aside}  {'analyzer slots':<18}   ends at")
     elapsed_s = 0.0
     for run in _runs(steps):
         elapsed_s += sum(step.duration_s for step in run)
-        lines.append(_line(run, elapsed_s))
+        lines.append(_line(run, elapsed_s, out_of_plane=out_of_plane))
     return "\n".join([*lines, *_outlook(setup.recipe, elapsed_s), "", "Nothing was moved."])
 
 
@@ -57,14 +60,12 @@ def _heading(setup: Setup, steps: Sequence[Step]) -> list[str]:
     return [f"{recipe.recipe}: {aim(recipe, setup.rig)}", f"{known}: {amount}"]
 
 
-def _travel(steps: Sequence[Step]) -> str:
+def _travel(steps: Sequence[Step], roles: Sequence[Role]) -> str:
     """How far each axis goes, and how often the analyzer changes its slot, from home."""
     places = [HOME, *(step.target for step in steps)]
-    angles_deg = np.array([(place.incidence_deg, place.exit_deg, place.azimuth_deg) for place in places])
+    angles_deg = np.array([list(place.axes_deg.values())[: len(roles)] for place in places])
     ways_deg = np.abs(np.diff(angles_deg, axis=0)).sum(axis=0)
-    axes = ", ".join(
-        f"{role.replace('_', ' ')} {way_deg:.0f}°" for role, way_deg in zip(HOME.axes_deg, ways_deg, strict=True)
-    )
+    axes = ", ".join(f"{role.replace('_', ' ')} {way_deg:.0f}°" for role, way_deg in zip(roles, ways_deg, strict=True))
     changes = sum(one.slot != other.slot for one, other in itertools.pairwise(places))
     return f"{axes}, analyzer {changes} changes of slot"
 
@@ -105,16 +106,13 @@ def _goes_on(run: Sequence[Step], step: Step) -> bool:
         return step.point == last.point or step.target.slot == last.target.slot
     if run[0].point == last.point or step.target.slot != last.target.slot:
         return run[0].point == last.point and step.point == last.point
-    return _moving(last.target, step.target) in (_moving(run[0].target, run[1].target), (False, False, False))
+    return _moving(last.target, step.target) in (_moving(run[0].target, run[1].target), frozenset())
 
 
-def _moving(here: Target, there: Target) -> tuple[bool, bool, bool]:
+def _moving(here: Target, there: Target) -> frozenset[str]:
     """Which axes go: a line of the plan is along the same ones."""
-    return (
-        here.incidence_deg != there.incidence_deg,
-        here.exit_deg != there.exit_deg,
-        here.azimuth_deg != there.azimuth_deg,
-    )
+    there_deg = there.axes_deg
+    return frozenset(role for role, angle_deg in here.axes_deg.items() if angle_deg != there_deg[role])
 
 
 def _outlook(recipe: Recipe, elapsed_s: float) -> list[str]:
@@ -133,12 +131,14 @@ def _outlook(recipe: Recipe, elapsed_s: float) -> list[str]:
     ]
 
 
-def _line(run: Sequence[Step], elapsed_s: float) -> str:
+def _line(run: Sequence[Step], elapsed_s: float, *, out_of_plane: bool) -> str:
     first, last = run[0], run[-1]
     points = f"{first.point}" if last.point == first.point else f"{first.point} to {last.point}"
     incidence = _ends(first.target.incidence_deg, last.target.incidence_deg, 3)
     exits = _ends(first.target.exit_deg, last.target.exit_deg, 3, is_range=last.point != first.point)
     azimuth = _ends(first.target.azimuth_deg, last.target.azimuth_deg, 2)
+    if out_of_plane:
+        azimuth = f"{azimuth:>7}  {_ends(first.target.exit_azimuth_deg, last.target.exit_azimuth_deg, 2):>12}"
     slots = " ".join(str(slot) for slot in dict.fromkeys(step.target.slot for step in run))
     return f"{points:>15}  {incidence:>9}  {exits:>20}  {azimuth:>7}  {slots:<18}  {clock_text(elapsed_s):>8}" + (
         "  reference" if first.kind == "reference" else ""

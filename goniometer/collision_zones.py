@@ -13,7 +13,7 @@ from acquisition.expand import Step, Target
 from acquisition.section import Section, SectionFault, refuse_all
 from drivers.collision_zones import ArmsTooClose, Box, Span, Zone, entered, free_order
 from drivers.travel import Travel
-from goniometer.rig_devices.entry import ROLES, Angle, Role
+from goniometer.rig_devices.entry import PLACING, Angle, Role
 
 Range = Annotated[tuple[Angle, Angle], Field(strict=False)]
 
@@ -27,6 +27,7 @@ class ZoneEntry(Section):
     source_arm: Range | None = Field(default=None, description="range of the source arm, in degrees")
     detector_arm: Range | None = Field(default=None, description="range of the detector arm, in degrees")
     sample_azimuth: Range | None = Field(default=None, description="range of the sample's azimuth, in degrees")
+    detector_azimuth: Range | None = Field(default=None, description="range of the detector's azimuth, in degrees")
 
     @model_validator(mode="after")
     def _check(self) -> Self:
@@ -42,14 +43,14 @@ class ZoneEntry(Section):
 
     def ranges_deg(self) -> dict[str, Span]:
         """The ranges that were given, by role."""
-        ranges = {role: getattr(self, role) for role in ROLES}
+        ranges = {role: getattr(self, role) for role in PLACING}
         return {role: span for role, span in ranges.items() if span is not None}
 
     def roles(self) -> tuple[Role, ...]:
         """The axes that the zone is about."""
         if self.arms_closer_than_deg is not None:
-            return "source_arm", "detector_arm"
-        return tuple(role for role in ROLES if role in self.ranges_deg())
+            return "source_arm", "detector_arm", "detector_azimuth"
+        return tuple(role for role in PLACING if role in self.ranges_deg())
 
     def zone(self) -> Zone:
         """The zone itself."""
@@ -109,12 +110,13 @@ class _Ways:
     """The ways of a scan, in order; stretches that stay clear of every zone as a whole are not looked at one by one."""
 
     def __init__(self, places: Sequence[Target], zones: Sequence[Zone], travels: Mapping[Role, Travel]) -> None:
-        tolerances_deg: dict[str, float] = {role: travels[role].tolerance_deg for role in ROLES}
+        self._roles = [role for role in PLACING if role in travels]
+        tolerances_deg: dict[str, float] = {role: travels[role].tolerance_deg for role in self._roles}
         self.places = [*places[:1], *places]
         self._travels = travels
         self._zones = [_WithinTolerance(zone, tolerances_deg) for zone in zones]
-        self._angles_deg = np.array([list(place.axes_deg.values()) for place in self.places])
-        self._wraps = any(travels[role].wraps for role in ROLES)
+        self._angles_deg = np.array([[place.axes_deg[role] for role in self._roles] for place in self.places])
+        self._wraps = any(travels[role].wraps for role in self._roles)
 
     def blocked(self, first: int, last: int) -> Iterator[int]:
         """The numbers of the ways in a stretch, each from its place to the next, that no order of moves keeps free."""
@@ -136,7 +138,7 @@ class _Ways:
         spans: dict[str, Span] = {
             role: (low - self._travels[role].backlash_deg, high)
             for role, low, high in zip(
-                ROLES, angles_deg.min(axis=0).tolist(), angles_deg.max(axis=0).tolist(), strict=True
+                self._roles, angles_deg.min(axis=0).tolist(), angles_deg.max(axis=0).tolist(), strict=True
             )
         }
         return entered(self._zones, spans) is None
@@ -145,7 +147,7 @@ class _Ways:
         standing_deg, going_deg = self.places[number].axes_deg, self.places[number + 1].axes_deg
         ways: dict[str, list[float]] = {
             role: self._travels[role].way_deg(standing_deg[role], going_deg[role], came_from_below=False)
-            for role in ROLES
+            for role in self._roles
             if number == 0 or going_deg[role] != standing_deg[role]
         }
         return free_order(self._zones, standing_deg, ways) is not None

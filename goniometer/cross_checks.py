@@ -13,7 +13,7 @@ from acquisition.recipe import Recipe
 from goniometer.collision_zones import blocked_ways
 from goniometer.errors import ReductionError
 from goniometer.planning import beginning, plan
-from goniometer.rig_devices.entry import Role
+from goniometer.rig_devices.entry import PLACING, Role
 from goniometer.rig_file import Rig
 from goniometer.yaml_file import Fault, KeyPath, YamlFile
 from model.acceptance import WIDEST_RAD, half_angle_rad
@@ -102,6 +102,12 @@ def _setting_faults(recipe: Recipe, file: YamlFile, rig: Rig, rig_path: Path) ->
 
 def _angle_faults(recipe: Recipe, file: YamlFile, rig: Rig, rig_path: Path) -> Iterator[Fault]:
     for role, place, angle in _angles(recipe):
+        if role not in rig.axes():
+            if angle:
+                yield file.fault(
+                    place, f"asks for {angle:g} degrees; allowed: 0, because {rig_path} has no axis {role}"
+                )
+            continue
         low, high = rig.axes()[role].travel.reachable_deg
         if not low <= angle <= high:
             yield file.fault(
@@ -116,10 +122,12 @@ def _angles(recipe: Recipe) -> Iterator[tuple[Role, KeyPath, float]]:
     else:
         yield from _listed_angles("source_arm", ("incidence_deg",), recipe.incidence_deg)
         yield from _listed_angles("sample_azimuth", ("azimuth_deg",), recipe.azimuth_deg)
+        yield from _listed_angles("detector_azimuth", ("exit_azimuth_deg",), recipe.exit_azimuth_deg)
         yield from _listed_angles("detector_arm", ("exit",), recipe.exit)
         yield from _listed_angles("detector_arm", ("exit_deg",), recipe.exit_deg)
     if recipe.reference is not None:
         yield "detector_arm", ("reference", "exit_deg"), recipe.reference.exit_deg
+        yield "detector_azimuth", ("reference", "exit_deg"), 0.0  # it lies in the plane of incidence
 
 
 def _listed_angles(
@@ -136,8 +144,7 @@ def _listed_angles(
 
 def _point_angles(recipe: Recipe) -> Iterator[tuple[Role, KeyPath, float]]:
     """The angles of every point; of a table, which has no places in the recipe, the ends of each column."""
-    roles: tuple[Role, ...] = ("source_arm", "detector_arm", "sample_azimuth")
-    for role, name, angles_deg in zip(roles, NAMES, recipe.directions_deg().T, strict=True):
+    for role, name, angles_deg in zip(PLACING, NAMES, recipe.directions_deg().T, strict=True):
         if isinstance(recipe.points, str):
             yield from ((role, ("points",), angle) for angle in {float(angles_deg.min()), float(angles_deg.max())})
         else:
@@ -155,10 +162,13 @@ def path_on_rig(recipe: Recipe, file: YamlFile, rig: Rig, rig_path: Path) -> Ite
         if number == _MOST_WAYS:
             yield file.fault(key, "leads through collision zones on further ways, which are not listed")
             return
-        here, there = (f"{place.incidence_deg:g}/{place.exit_deg:g}/{place.azimuth_deg:g}" for place in blocked)
+        here, there = (
+            "/".join(f"{angle:g}" for role, angle in place.axes_deg.items() if role in travels) for place in blocked
+        )
+        angles = "incidence/exit/azimuth/exit azimuth" if "detector_azimuth" in travels else "incidence/exit/azimuth"
         yield file.fault(
             key,
-            f"leads through a collision zone: from incidence/exit/azimuth {here} to {there} degrees no order of moves "
+            f"leads through a collision zone: from {angles} {here} to {there} degrees no order of moves "
             f"keeps out of the collision_zones of {rig_path}. Leave those angles out",
         )
 

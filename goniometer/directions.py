@@ -16,7 +16,9 @@ _AXES: dict[str, Role] = {
     "incidence_deg": "source_arm",
     "exit_deg": "detector_arm",
     "azimuth_deg": "sample_azimuth",
+    "exit_azimuth_deg": "detector_azimuth",
 }
+"""The angles of a direction; a bench that cannot turn its detector arm out of the plane has no exit azimuth."""
 
 Coordinates = dict[str, tuple[tuple[str, ...], NDArray[Any]]]
 """By name: dimensions and values."""
@@ -29,9 +31,9 @@ class Directions:
     Attributes
     ----------
     dimensions : tuple of str
-        `exit_deg`, and `incidence_deg` and `azimuth_deg` where these take several values; or `point` alone.
+        `exit_deg`, and the other angles where these take several values; or `point` alone.
     coordinates : dict
-        Of the three angles and of the number of the point.
+        Of the angles and of the number of the point.
     """
 
     dimensions: tuple[str, ...]
@@ -41,7 +43,7 @@ class Directions:
 
     @property
     def angles(self) -> tuple[str, ...]:
-        """Names of the three angles."""
+        """Names of the angles."""
         return tuple(_AXES)
 
     def arranged(self, values: NDArray[Any]) -> NDArray[Any]:
@@ -60,8 +62,9 @@ def directions_of(points: Sequence[StokesPoint], tolerances_deg: Mapping[Role, f
         How far from its target an axis may stop: positions no farther apart than twice that are the same angle.
     """
     numbers = np.array([point.point for point in points])
-    read_deg = {name: np.array([getattr(point, name) for point in points]) for name in _AXES}
-    level_of = {name: levels(read_deg[name], 2.0 * tolerances_deg[role]) for name, role in _AXES.items()}
+    axes = {name: role for name, role in _AXES.items() if getattr(points[0], name) is not None}
+    read_deg = {name: np.array([getattr(point, name) for point in points]) for name in axes}
+    level_of = {name: levels(read_deg[name], 2.0 * tolerances_deg[role]) for name, role in axes.items()}
     counts = {name: int(level.max()) + 1 for name, level in level_of.items()}
     shape = tuple(counts.values())
     cells = np.ravel_multi_index(tuple(level_of.values()), shape)
@@ -69,7 +72,7 @@ def directions_of(points: Sequence[StokesPoint], tolerances_deg: Mapping[Role, f
         coordinates: Coordinates = {name: (("point",), values) for name, values in read_deg.items()}
         coordinates["point"] = (("point",), numbers)
         return Directions(("point",), coordinates, np.arange(numbers.size), (numbers.size,))
-    dimensions = tuple(name for name in _AXES if counts[name] > 1 or name == "exit_deg")
+    dimensions = tuple(name for name in axes if counts[name] > 1 or name == "exit_deg")
     order = np.argsort(cells)
     coordinates = {}
     for name, values in read_deg.items():

@@ -27,7 +27,7 @@ class FittedCurve:
 
 
 def fitted_curve(points: Sequence[StokesPoint], family: SurfaceFamily, fit: FitResult) -> FittedCurve:
-    """The fit at all exit angles of a scan at one incidence, and evenly between.
+    """The fit at all exit angles of a scan in one plane, and evenly between.
 
     Parameters
     ----------
@@ -40,7 +40,10 @@ def fitted_curve(points: Sequence[StokesPoint], family: SurfaceFamily, fit: FitR
     """
     exit_deg = filled(np.array([point.exit_deg for point in points]))
     incidence_deg = np.full(len(exit_deg), np.mean([point.incidence_deg for point in points]))
-    return FittedCurve(exit_deg, fitted_stokes(family, fit, directions(incidence_deg, exit_deg)))
+    there = directions(
+        incidence_deg, exit_deg, exit_azimuth_deg=np.mean([one.exit_azimuth_deg or 0.0 for one in points])
+    )
+    return FittedCurve(exit_deg, fitted_stokes(family, fit, there))
 
 
 def filled(exit_deg: FloatArray) -> FloatArray:

@@ -30,6 +30,8 @@ _LONG_NAMES = {
     "incidence_deg": "angle of incidence from the surface normal",
     "exit_deg": "exit angle from the surface normal, above 0 on the mirror side",
     "azimuth_deg": "turn of the sample about its normal",
+    "exit_azimuth_deg": "turn of the plane of the exit angle out of the plane of incidence, right-handed about the "
+    "surface normal",
     "wavelength_nm": "wavelength of the light",
     "point": "number of the direction in the scan",
     "stokes_per_sr": "Stokes parameters per unit irradiance; above 0 S1 is s-polarized, S2 at +45 degrees from s, S3 "
@@ -74,12 +76,12 @@ def load(run: str | Path) -> xarray.Dataset:
     Returns
     -------
     xarray.Dataset
-        Directions have the dimension `exit_deg`, and `incidence_deg` and `azimuth_deg` where these take several values;
-        when not every combination was measured exactly once, they have the one dimension `point`. Stokes parameters
-        have the dimension `stokes` besides, raw readings `reading`, fitted parameters `parameter`. Every variable has
-        the attribute `long_name`, and `units` unless it holds words; recipe, rig, scene and versions are attributes of
-        the dataset. What was nowhere measured is no variable. When the points could not be fitted, the attribute
-        `fit_refusal` says why.
+        Directions have the dimension `exit_deg`, and `incidence_deg`, `azimuth_deg` and `exit_azimuth_deg` where these
+        take several values; when not every combination was measured exactly once, they have the one dimension `point`.
+        Stokes parameters have the dimension `stokes` besides, raw readings `reading`, fitted parameters `parameter`.
+        Every variable has the attribute `long_name`, and `units` unless it holds words; recipe, rig, scene and versions
+        are attributes of the dataset. What was nowhere measured is no variable. When the points could not be fitted,
+        the attribute `fit_refusal` says why.
 
     Raises
     ------

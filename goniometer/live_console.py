@@ -135,11 +135,15 @@ class LiveConsole:
             _say(text, "incidence", f"{step.incidence_deg:z.2f}°")
             _say(text, "exit", f"{step.exit_deg:z.2f}°")
             _say(text, "azimuth", f"{step.azimuth_deg:z.2f}°")
+            if step.exit_azimuth_deg is not None:
+                _say(text, "exit azimuth", f"{step.exit_azimuth_deg:z.2f}°")
             _say(text, "slot", f"{step.slot}")
         if point is not None:
             text.append("\nlast point  ", _LABEL)
             if self._scan.started is not None and self._scan.started.has_planes:
                 _say(text, "incidence", f"{point.incidence_deg:z.2f}°")
+                if point.exit_azimuth_deg is not None:
+                    _say(text, "exit azimuth", f"{point.exit_azimuth_deg:z.2f}°")
             _say(text, "exit", f"{point.exit_deg:z.2f}°")
             _say(text, "DoLP", plus_minus(point.dolp, point.dolp_stderr))
             _say(text, "AoLP", f"{plus_minus(point.aolp_deg, point.aolp_stderr_deg)}°")

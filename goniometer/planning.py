@@ -154,6 +154,7 @@ def timing(rig: Rig) -> BenchTiming:
         rig.analyzer.timing(axes),
         rig.zones,
         rig.detector.timing,
+        axes.get("detector_azimuth"),
     )
 
 

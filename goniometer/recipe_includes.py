@@ -20,7 +20,8 @@ PRESETS = Path(__file__).parent / "presets"
 _MOST_FILES = 50
 _PRESET_NAME = re.compile(r"[a-z0-9_]+")
 _FILES = ("rig", "scene", "points_file")
-_LISTED, _PRODUCT = {"points", "points_file"}, {"incidence_deg", "exit", "exit_deg", "azimuth_deg"}
+_LISTED = {"points", "points_file"}
+_PRODUCT = {"incidence_deg", "exit", "exit_deg", "azimuth_deg", "exit_azimuth_deg"}
 _INSTEAD: dict[str | int, set[str]] = {
     "exit": {"exit_deg"},
     "exit_deg": {"exit"},

@@ -133,10 +133,12 @@ def _draw_head(
     from matplotlib.lines import Line2D
 
     height_in = figure.get_figheight()
+    out_of_plane_deg = [point.exit_azimuth_deg for point in points if point.exit_azimuth_deg is not None]
+    aside = f"{_angles('exit azimuth', out_of_plane_deg, planes)}     " if out_of_plane_deg else ""
     details = (
         f"{_angles('incidence', [point.incidence_deg for point in points], planes)}     "
         f"{_angles('sample azimuth', [point.azimuth_deg for point in points], planes)}     "
-        f"{len(points)} point{'s' * (len(points) != 1)}     "
+        f"{aside}{len(points)} point{'s' * (len(points) != 1)}     "
         "polarization: degree without the bias of noise, angle from the s-direction"
     )
     figure.text(_LEFT, 1.0 - 0.38 / height_in, title, size=16, weight="bold", va="center", parse_math=False)
@@ -168,28 +170,34 @@ def _angles(name: str, angles_deg: Sequence[float], planes: Sequence[Plane]) -> 
     return f"{name} {min(angles_deg):z.2f}° to {max(angles_deg):z.2f}°"
 
 
-def _has_azimuths(planes: Sequence[Plane]) -> bool:
-    return bool(np.ptp([plane.azimuth_deg for plane in planes]) >= _SAME_DEG)
+def _varying(planes: Sequence[Plane]) -> dict[str, list[float]]:
+    """The angles that name the planes of a scan, by what they are called: the incidence, and others that vary."""
+    others = {
+        "azimuth": [plane.azimuth_deg for plane in planes],
+        "exit azimuth": [plane.exit_azimuth_deg for plane in planes],
+    }
+    varying = {name: angles_deg for name, angles_deg in others.items() if np.ptp(angles_deg) >= _SAME_DEG}
+    return {"incidence": [plane.incidence_deg for plane in planes], **varying}
 
 
 def _key_rows(planes: Sequence[Plane]) -> int:
     """How many lines the key of the planes' colours takes; none for a single plane."""
     if len(planes) < 2:
         return 0
-    return 2 if _has_azimuths(planes) and len(planes) > _MOST_IN_ROW else 1
+    return 2 if len(_varying(planes)) > 1 and len(planes) > _MOST_IN_ROW else 1
 
 
 def _named_planes(planes: Sequence[Plane]) -> list[Line2D]:
     """The key of the planes' colours; of many planes some, evenly chosen, the first and the last among them."""
     from matplotlib.lines import Line2D
 
-    has_azimuths = _has_azimuths(planes)
+    varying = _varying(planes)
     colours = plane_colours(len(planes))
     places = sorted(set(np.linspace(0, len(planes) - 1, min(_MOST_NAMED, len(planes))).round().astype(int).tolist()))
-    names = [f"{plane.incidence_deg:z.2f}°" for plane in planes]
-    if has_azimuths:
-        names = [f"{name}, {plane.azimuth_deg:z.2f}°" for name, plane in zip(names, planes, strict=True)]
-    names[0] = f"incidence{', azimuth' if has_azimuths else ''}: {names[0]}"
+    names = [
+        ", ".join(f"{angle_deg:z.2f}°" for angle_deg in of_plane) for of_plane in zip(*varying.values(), strict=True)
+    ]
+    names[0] = f"{', '.join(varying)}: {names[0]}"
     key = [Line2D([], [], color=colours[place], marker="o", ms=4, label=names[place]) for place in places]
     if len(places) < len(planes):
         key.append(Line2D([], [], ls="", label=f"and others, {len(planes)} in all"))

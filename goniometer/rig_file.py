@@ -11,7 +11,16 @@ from acquisition.section import Section, SectionFault, refuse_all
 from drivers.collision_zones import Zone
 from goniometer.collision_zones import ZoneEntry
 from goniometer.port_address import LoopbackAddress
-from goniometer.rig_devices.entry import ROLES, AnalyzerEntry, AxesEntry, AxisEntry, DetectorEntry, DeviceEntry, Role
+from goniometer.rig_devices.entry import (
+    PLACING,
+    ROLES,
+    AnalyzerEntry,
+    AxesEntry,
+    AxisEntry,
+    DetectorEntry,
+    DeviceEntry,
+    Role,
+)
 from goniometer.rig_devices.known import AnyDevice
 
 
@@ -53,7 +62,7 @@ class Rig(Section):
                 yield ("devices",), f"no device has the axis {role}; a bench needs {', '.join(needed)}, each once"
         for role, names in holders.items():
             for name in names:
-                if role not in needed:
+                if role not in (*needed, *PLACING):
                     yield ("devices", name, "axes", role), "carries nothing; allowed: with driver: rotating_polarizer"
             for name in names[1:]:
                 yield ("devices", name, "axes", role), f"{names[0]} has the axis {role} too; allowed: each axis once"
@@ -111,6 +120,8 @@ class Rig(Section):
         axes = self.axes()
         for number, entry in enumerate(self.collision_zones):
             for role in entry.ranges_deg():
+                if role == "detector_azimuth" and role not in axes:
+                    yield ("collision_zones", number, role), "is about an axis that no device has; leave it out"
                 if role in axes and axes[role].wraps:
                     yield (
                         ("collision_zones", number, role),

@@ -25,7 +25,8 @@ from goniometer.durations import clock_text
 
 def in_plane(point: StokesPoint) -> str:
     """In which plane a point lies, for scans with several."""
-    return f"incidence {point.incidence_deg:z6.2f}°  azimuth {point.azimuth_deg:z7.2f}°"
+    plane = f"incidence {point.incidence_deg:z6.2f}°  azimuth {point.azimuth_deg:z7.2f}°"
+    return plane if point.exit_azimuth_deg is None else f"{plane}  exit azimuth {point.exit_azimuth_deg:z7.2f}°"
 
 
 @dataclass

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -29,15 +30,25 @@ class Bodies(ScenePart):
         gt=45, le=180, description="angle from the sample's normal at which the frame of its table stands, in degrees"
     )
 
-    def rooms_deg(self, source_arm_deg: float, detector_arm_deg: float) -> tuple[tuple[float, str], ...]:
+    def rooms_deg(
+        self, source_arm_deg: float, detector_arm_deg: float, detector_azimuth_deg: float = 0.0
+    ) -> tuple[tuple[float, str], ...]:
         """Room between each two parts that can touch, in degrees, negative where they overlap; and which they are."""
-        # the source stands at minus the angle of incidence
-        between_deg = abs((source_arm_deg + detector_arm_deg + 180.0) % 360.0 - 180.0)
+        between_deg = _between_deg(source_arm_deg, detector_arm_deg, detector_azimuth_deg)
         return (
             (between_deg - self.source_arm_half_deg - self.detector_arm_half_deg, "source arm and detector arm"),
             (self.frame_deg - abs(source_arm_deg) - self.source_arm_half_deg, "source arm and frame"),
             (self.frame_deg - abs(detector_arm_deg) - self.detector_arm_half_deg, "detector arm and frame"),
         )
+
+
+def _between_deg(source_deg: float, detector_deg: float, azimuth_deg: float) -> float:
+    """The angle between the arms; the source stands at minus the angle of incidence."""
+    if azimuth_deg == 0.0:
+        return abs((source_deg + detector_deg + 180.0) % 360.0 - 180.0)
+    source, detector, azimuth = map(math.radians, (source_deg, detector_deg, azimuth_deg))
+    cosine = math.cos(source) * math.cos(detector) - math.sin(source) * math.sin(detector) * math.cos(azimuth)
+    return math.degrees(math.acos(max(-1.0, min(cosine, 1.0))))
 
 
 @dataclass(frozen=True)
@@ -68,8 +79,9 @@ class ContactWatch:
 
     def __init__(self, bodies: Bodies, axes: Mapping[str, Axis], angle_deg: Mapping[str, AngleOfTime]) -> None:
         self._bodies = bodies
-        self._arms = (axes["source_arm"], axes["detector_arm"])
-        self._angles_deg = (angle_deg["source_arm"], angle_deg["detector_arm"])
+        roles = [role for role in ("source_arm", "detector_arm", "detector_azimuth") if role in axes]
+        self._arms = [axes[role] for role in roles]
+        self._angles_deg = [angle_deg[role] for role in roles]
         self._looked_s = 0.0
         self._starts_s: list[float] = []
         self.contact: Contact | None = None
@@ -99,8 +111,7 @@ class ContactWatch:
         closing_deg_s = _CAUTION * sum(profile.fastest_deg_s for profile in profiles)
         time_s = begin_s
         while time_s <= end_s:
-            source_deg, detector_deg = (angle(time_s) for angle in self._angles_deg)
-            room_deg, parts = min(self._bodies.rooms_deg(source_deg, detector_deg))
+            room_deg, parts = min(self._bodies.rooms_deg(*(angle(time_s) for angle in self._angles_deg)))
             if room_deg < 0:
                 return Contact(parts, time_s)
             time_s += max(room_deg / closing_deg_s, _SHORTEST_S) if closing_deg_s else end_s

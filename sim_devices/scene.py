@@ -104,6 +104,13 @@ class Scene(ScenePart):
             for role in ("source_arm", "detector_arm", "sample_azimuth")
             if roles[role] != 1
         ]
+        if roles["detector_azimuth"] > 1:
+            faults.append(f"at most one device may turn detector_azimuth, and here {roles['detector_azimuth']} do")
+        faults += [
+            f"the effect {part.title} is on an axis that no device turns; name a device that turns it, or leave it out"
+            for part in self.effects
+            if (axis := getattr(part, "axis", None)) is not None and not roles[axis]
+        ]
         faults += _line_faults(self.devices)
         named = Counter(part.title for part in self.effects)
         faults += [

@@ -23,6 +23,9 @@ from sim_devices.effects.measurement import Measurement, Moment, Stokes
 from sim_devices.past import Past
 from sim_devices.scene import Scene
 
+_DIRECTION: tuple[AxisRole, ...] = ("source_arm", "detector_arm", "detector_azimuth")
+"""What the light depends on; the last one only where there is one."""
+
 
 class World:
     """Lamp, sample, axes and analyzer, all as functions of time, and the light that reaches the detector.
@@ -88,7 +91,7 @@ class World:
         # compiles the surface now, before a device has to answer in time
         self._sample.stokes(0.0, 0.5, 0.0, self.lamp_stokes)
         # what was seen last, which stays as long as the arms do
-        self._seen: tuple[tuple[float, float], Stokes] | None = None
+        self._seen: tuple[tuple[float, ...], Stokes] | None = None
         self._measurements = past.measurements
 
     def add_axis(self, role: AxisRole, step_deg: float) -> Axis:
@@ -130,13 +133,17 @@ class World:
     def _reflected_w(self, moment: Moment) -> Stokes:
         """What the sample sends to the detector, for the share of the time in which the lamp's light gets through."""
         time_s = moment.middle_s
-        angles_deg = self.angle_deg["source_arm"](time_s), self.angle_deg["detector_arm"](time_s)
+        angles_deg = tuple(self.angle_deg[role](time_s) for role in _DIRECTION if role in self.angle_deg)
         if self._seen is None or self._seen[0] != angles_deg:
             self._seen = angles_deg, self._seen_at(*angles_deg)
         return self._seen[1] if moment.lit == 1 else moment.lit * self._seen[1]
 
-    def _seen_at(self, source_arm_deg: float, detector_arm_deg: float) -> Stokes:
-        """Power acceptance cos(exit) Stokes; nothing when lamp or detector is below the sample's horizon."""
+    def _seen_at(self, source_arm_deg: float, detector_arm_deg: float, detector_azimuth_deg: float = 0.0) -> Stokes:
+        """Power acceptance cos(exit) Stokes; nothing when lamp or detector is below the sample's horizon.
+
+        The detector's azimuth turns the detector arm, and the analyzer on it, about the sample's normal: the analyzer's
+        s-direction stays perpendicular to the normal, as that of the model's exit frame.
+        """
         incidence_deg, exit_deg = _within_a_turn(source_arm_deg), _within_a_turn(detector_arm_deg)
         if abs(incidence_deg) >= 90 or abs(exit_deg) >= 90:
             return np.zeros(4)
@@ -145,7 +152,10 @@ class World:
             incidence_deg, exit_deg = -incidence_deg, -exit_deg
         exit_rad, azimuth_rad = in_plane(math.radians(exit_deg))
         stokes: Stokes = self._sample.stokes(
-            math.radians(incidence_deg), float(exit_rad), float(azimuth_rad), self.lamp_stokes
+            math.radians(incidence_deg),
+            float(exit_rad),
+            float(azimuth_rad) + math.radians(detector_azimuth_deg),
+            self.lamp_stokes,
         )
         reaching_w = self.scene.lamp.power_w * self.acceptance_sr * math.cos(math.radians(exit_deg))
         return reaching_w * stokes

@@ -126,6 +126,7 @@ def align(
     targets_deg = _targets_deg(from_deg, to_deg, step_deg)
     with open_bench(rig_path, tell, trace) as opened:
         axis, mirror_deg = opened.axes[arm], opened.axes[_OTHER[arm]].position_deg()
+        _refuse_out_of_plane(opened)
         if not from_deg < mirror_deg < to_deg:
             raise ConfigurationError(
                 [
@@ -150,6 +151,19 @@ def align(
     if store:
         store_zero(rig_path, arm, found.zero)
     return found
+
+
+def _refuse_out_of_plane(opened: OpenBench) -> None:
+    """The mirror direction lies in the plane of incidence."""
+    turned = opened.axes.get("detector_azimuth")
+    if turned is not None and abs(turned.position_deg()) > turned.tolerance_deg:
+        raise ConfigurationError(
+            [
+                f"The detector_azimuth stands at {turned.position_deg():.4f} degrees, and the mirror direction lies in "
+                "the plane of incidence, at 0. Nothing was moved. Move it there first: goniometer move --rig RIG "
+                "detector_azimuth 0"
+            ]
+        )
 
 
 def advice(found: Alignment, rig_path: Path) -> str:

@@ -35,6 +35,8 @@ class BlueskyBench:
     ----------
     source_arm, detector_arm, sample_azimuth : BlueskyAxis
         Motors, in degrees.
+    detector_azimuth : BlueskyAxis or None
+        A motor likewise; None on a bench without one.
     analyzer : BlueskyAnalyzer
         A positioner of numbered slots.
     detector : BlueskyDetector
@@ -54,6 +56,7 @@ class BlueskyBench:
     notes: tuple[str, ...]
     _to_home: tuple[HomingAxis, ...]
     _thread: BenchThread
+    detector_azimuth: BlueskyAxis | None = None
 
     def home(self) -> None:
         """Home the axes that the rig file says are to be homed at every start, one after the other; no plan, but waits.
@@ -148,6 +151,7 @@ def _devices_of(opened: Opened, thread: BenchThread, exposure_s: float, waveleng
         bench.notes,
         bench.to_home,
         thread,
+        axis("detector_azimuth") if "detector_azimuth" in rig.axes() else None,
     )
 
 

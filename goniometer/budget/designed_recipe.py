@@ -49,7 +49,7 @@ def designed_recipe(recipe: Recipe, rig: Rig, sample: AssumedSample, wanted: str
     if recipe.adaptive:
         raise ConfigurationError(["An adaptive recipe chooses its exit angles as it goes. No design was made."])
     if not recipe.is_one_plane:
-        what = "a list of points" if recipe.has_points else "several angles of incidence or of the sample"
+        what = "a list of points" if recipe.has_points else recipe.several_planes
         raise ConfigurationError(
             [f"The recipe has {what}; a design chooses exit angles in one plane. No design was made."]
         )

@@ -18,10 +18,17 @@ from goniometer.port_address import Port
 from goniometer.rig_devices.connecting import Connecting
 from sim_devices.bench_devices.entry import SimulatedDevice
 
-Role = Literal["source_arm", "detector_arm", "sample_azimuth", "polarizer", "retarder"]
-"""What an axis turns; polarizer and retarder are those of a rotating analyzer."""
+Role = Literal["source_arm", "detector_arm", "sample_azimuth", "detector_azimuth", "polarizer", "retarder"]
+"""What an axis turns; polarizer and retarder are those of a rotating analyzer.
+
+`detector_azimuth` carries the detector arm out of the plane of incidence, about the sample's normal.
+"""
 
 ROLES: tuple[Role, ...] = ("source_arm", "detector_arm", "sample_azimuth")
+"""The axes that every bench has."""
+
+PLACING: tuple[Role, ...] = (*ROLES, "detector_azimuth")
+"""The axes that bring a bench to a direction, in the order of `Target.axes_deg`; not every bench has the last one."""
 
 Angle = Annotated[float, Field(ge=-360, le=360)]
 Slot = Angle | Literal["open", "blocked"]

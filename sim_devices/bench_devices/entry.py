@@ -20,7 +20,7 @@ class ModbusController(Unit, Device, Protocol):
     """A unit that also answers on a serial line of its own."""
 
 
-AxisRole = Literal["source_arm", "detector_arm", "sample_azimuth", "polarizer", "retarder"]
+AxisRole = Literal["source_arm", "detector_arm", "sample_azimuth", "detector_azimuth", "polarizer", "retarder"]
 Slot = Literal["open", "blocked"] | Annotated[float, Field(ge=-180, le=180)]
 
 

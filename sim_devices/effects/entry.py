@@ -14,7 +14,7 @@ from sim_devices.scene_part import ScenePart
 if TYPE_CHECKING:
     from sim_devices.world import World
 
-Arm = Literal["source_arm", "detector_arm"]
+Arm = Literal["source_arm", "detector_arm", "detector_azimuth"]
 
 
 class Effect(ScenePart, ABC):

@@ -21,7 +21,7 @@ STOKES = np.array([0.3, 0.12, -0.05, 0.08])
 SETTING = {"analyzer": [AnalyzerState(angle) for angle in (10.0, 55.0, 100.0, 145.0)], "exposure_s": 0.03}
 
 
-def light(incidence_deg, exit_deg):
+def light(incidence_deg, exit_deg, exit_azimuth_deg=0.0):
     return np.outer(1.0 + exit_deg / 60.0, STOKES)
 
 

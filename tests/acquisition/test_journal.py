@@ -38,7 +38,7 @@ def test_readings_come_back_as_they_were(tmp_path):
             journal.append(one)
     with Journal.open(tmp_path / "j") as journal:
         assert journal.readings() == tuple(taken)
-        assert journal.about() == {**ABOUT, "format": "3"}
+        assert journal.about() == {**ABOUT, "format": "4"}
 
 
 def test_the_retarder_comes_back_too(tmp_path):
@@ -70,10 +70,20 @@ def test_a_journal_from_before_retarders_is_read_as_without_one(tmp_path):
         assert journal.readings() == (reading(3),)
 
 
+def test_a_journal_from_before_exit_azimuths_is_read_as_without_one(tmp_path):
+    """As the third format was written: the same table without one column."""
+    with Journal.create(tmp_path / "j", ABOUT) as journal:
+        journal.append(reading(3))
+        journal._connection.execute("ALTER TABLE readings DROP COLUMN exit_azimuth_deg")
+        journal._connection.execute("UPDATE about SET value = '3' WHERE key = 'format'")
+    with Journal.open(tmp_path / "j") as journal:
+        assert journal.readings() == (reading(3),)
+
+
 def test_a_journal_of_a_later_version_is_refused_with_its_format(tmp_path):
     with Journal.create(tmp_path / "j", ABOUT) as journal:
-        journal._connection.execute("UPDATE about SET value = '4' WHERE key = 'format'")
-    with pytest.raises(JournalError, match=r"has journal format 4; this version of goniometer reads 1 and 2 and 3\."):
+        journal._connection.execute("UPDATE about SET value = '5' WHERE key = 'format'")
+    with pytest.raises(JournalError, match=r"has journal format 5; this version of goniometer reads 1, 2, 3 and 4\."):
         Journal.open(tmp_path / "j")
 
 

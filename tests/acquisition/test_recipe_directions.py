@@ -27,7 +27,7 @@ def test_a_product_has_every_combination_and_the_exit_angle_runs_fastest():
     made = recipe(
         incidence_deg=[60, 30], azimuth_deg={"start_deg": 0, "stop_deg": 45, "step_deg": 45}, exit_deg=[5, -5, 0]
     )
-    expected = [(i, e, a) for i in (60, 30) for a in (0, 45) for e in (5, -5, 0)]
+    expected = [(i, e, a, 0) for i in (60, 30) for a in (0, 45) for e in (5, -5, 0)]
     assert_array_equal(made.directions_deg(), expected)
     assert not made.is_one_plane
     assert made.incidences_deg() == (60, 30)
@@ -36,7 +36,7 @@ def test_a_product_has_every_combination_and_the_exit_angle_runs_fastest():
 def test_one_incidence_is_what_it_always_was():
     made = recipe(incidence_deg=60, exit_deg=[0, 10])
     assert made.is_one_plane
-    assert_array_equal(made.directions_deg(), [(60, 0, 0), (60, 10, 0)])
+    assert_array_equal(made.directions_deg(), [(60, 0, 0, 0), (60, 10, 0, 0)])
 
 
 def test_a_list_of_readings_is_for_the_exit_angles_of_each_plane_or_for_the_points():
@@ -52,7 +52,7 @@ def test_points_as_a_list_and_as_a_table_are_the_same():
     listed = [{"incidence_deg": 10, "exit_deg": -1.5}, {"incidence_deg": 20, "exit_deg": 2, "azimuth_deg": 90}]
     table = "# two of them\nexit_deg, azimuth_deg, incidence_deg\n-1.5,0,10\n\n2,90,20\n"
     assert_array_equal(recipe(points=listed).directions_deg(), recipe(points=table).directions_deg())
-    assert_array_equal(recipe(points=table).directions_deg(), [(10, -1.5, 0), (20, 2, 90)])
+    assert_array_equal(recipe(points=table).directions_deg(), [(10, -1.5, 0, 0), (20, 2, 90, 0)])
 
 
 @pytest.mark.parametrize(

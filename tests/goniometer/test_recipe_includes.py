@@ -70,7 +70,7 @@ def test_the_text_that_a_run_keeps_is_whole(folder):
     )
     setup = load_recipe(path)
     assert Recipe.model_validate(yaml.safe_load(setup.recipe_text)) == setup.recipe
-    assert_array_equal(setup.recipe.directions_deg(), [(60, 10, 0), (30, -20.125, 0)])
+    assert_array_equal(setup.recipe.directions_deg(), [(60, 10, 0, 0), (30, -20.125, 0, 0)])
     assert setup.recipe_text.startswith("# of mine\nrecipe: x\n")
     alone = Path("recipes/alone.yaml")
     alone.write_text(setup.recipe_text)
@@ -125,7 +125,7 @@ def test_a_key_in_another_form_replaces_the_included_one(folder):
     path = write(
         "recipes/mine.yaml", recipe="x", include="lab/base.yaml", points=[{"incidence_deg": 1, "exit_deg": 2}], **rest
     )
-    assert_array_equal(load_recipe(path).recipe.directions_deg(), [(1, 2, 0)])
+    assert_array_equal(load_recipe(path).recipe.directions_deg(), [(1, 2, 0, 0)])
 
 
 def test_files_that_include_each_other_are_refused_where_the_circle_closes(folder):

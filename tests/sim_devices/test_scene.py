@@ -72,7 +72,7 @@ def test_an_index_stands_in_for_a_material(scene_with):
         (("effects",), [{"effect": "dark_current"}], "Field required"),
         (("effects",), [{"effect": "quantisation", "digits": 0}], "greater than or equal to 1"),
         (("effects",), [BACKLASH, BACKLASH | {"play_deg": 1.0}], "backlash of source_arm is given 2 times"),
-        (("effects",), [BACKLASH | {"axis": "sample_azimuth"}], "'source_arm' or 'detector_arm'"),
+        (("effects",), [BACKLASH | {"axis": "sample_azimuth"}], "'source_arm', 'detector_arm' or 'detector_azimuth'"),
         (("effects",), [BACKLASH | {"play_deg": 0.0}], "greater than 0"),
         (("effects",), [BACKLASH | {"play_mm": 0.1}], "Extra inputs"),
         (("effects",), [ERRORS | {"errors_deg": {1: 0.5}}], "slot 1 is open, so it has no angle"),
