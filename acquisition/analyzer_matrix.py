@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -89,10 +90,11 @@ def check_analyzer_set(angles_deg: Sequence[float | None]) -> None:
     check_states([AnalyzerState(angle) for angle in angles_deg])
 
 
-def check_states(states: Sequence[AnalyzerState]) -> None:
+def check_states(states: Sequence[AnalyzerState], *, element: Literal["analyzer", "generator"] = "analyzer") -> None:
     """Refuse a set of analyzer states from which the Stokes parameters that they depend on cannot be told apart.
 
-    These are S0, S1 and S2; and S3 as soon as one state depends on it, for then it cannot be left out.
+    These are S0, S1 and S2; and S3 as soon as one state depends on it, for then it cannot be left out. A message names
+    the element whose states these are; light that is made has the Stokes parameters that pass backwards.
 
     Raises
     ------
@@ -106,24 +108,26 @@ def check_states(states: Sequence[AnalyzerState]) -> None:
     if has_retarder:
         named = f"{named} (retarder/polarizer)"
     wanted = "S0, S1 and S2" if needed == 3 else "S0, S1, S2 and S3"
+    if element == "generator":
+        wanted = f"the responses to {wanted}"
     remedy = _remedy(states, needed)
     different = _number_of_different(matrix)
     if different < needed:
         alike = "" if has_retarder else ", because a polarizer turned by 180 degrees is the same polarizer"
         raise ReductionError(
-            f"the analyzer settings {named} amount to {different} different one{'s' * (different != 1)}{alike}; "
+            f"the {element} settings {named} amount to {different} different one{'s' * (different != 1)}{alike}; "
             f"{wanted} need at least {needed} different settings. {remedy}"
         )
     _, values, directions = np.linalg.svd(matrix)
     condition = float(values[0] / values[-1]) if values[-1] > _SAME else math.inf
     if condition == math.inf:
         raise ReductionError(
-            f"the analyzer settings {named} tell nothing of {_combination(directions[-1])}; {wanted} cannot be told "
+            f"the {element} settings {named} tell nothing of {_combination(directions[-1])}; {wanted} cannot be told "
             f"apart. {remedy}"
         )
     if condition > CONDITION_LIMIT:
         raise ReductionError(
-            f"the analyzer settings {named} lie so close together that errors of the readings reach "
+            f"the {element} settings {named} lie so close together that errors of the readings reach "
             f"{wanted.removeprefix('S0, ')} enlarged up to {condition:.0f} times (condition number; at most "
             f"{CONDITION_LIMIT:g} is accepted). {remedy}"
         )

@@ -46,16 +46,18 @@ class Averaged:
             known = f"± {point.dolp_stderr:.2g}" if math.isfinite(point.dolp_stderr) else "unknown, S0 is not positive,"
             return f"DoLP {known} after {_most(readings)} readings in every slot, ± {wanted:g} wanted"
         return "; ".join(
-            f"slot {slot} signal-to-noise {found:.3g} after {count}"
-            for slot, count, found in self._ratios(readings)
+            f"{place} signal-to-noise {found:.3g} after {count}"
+            for place, count, found in self._ratios(readings)
             if found < (self._averaging.signal_to_noise or 0.0)
         )
 
-    def _ratios(self, readings: Sequence[Reading]) -> Iterator[tuple[int, int, float]]:
+    def _ratios(self, readings: Sequence[Reading]) -> Iterator[tuple[str, int, float]]:
         for group in _stays(readings):
             if group[0].kind != "dark":
                 powers_w = [reading.power_w for reading in group]
-                yield group[0].slot, len(group), ratio(powers_w, group[0].exposure_s, self._noise)
+                made = group[0].generator_slot
+                place = f"slot {group[0].slot}" if made is None else f"slots {made}/{group[0].slot}"
+                yield place, len(group), ratio(powers_w, group[0].exposure_s, self._noise)
 
     def doubts(self, readings: Sequence[Reading], points: Sequence[StokesPoint]) -> tuple[str, ...]:
         """What a person should know of a scan that averages before believing in its points, in words."""
@@ -96,7 +98,11 @@ class Averaged:
 
 def _stays(readings: Sequence[Reading]) -> Iterator[list[Reading]]:
     """The readings taken one after the other at one place."""
-    for _, group in itertools.groupby(readings, key=lambda reading: (reading.point, reading.kind, reading.slot)):
+
+    def place(reading: Reading) -> tuple[int, str, int, int | None]:
+        return reading.point, reading.kind, reading.slot, reading.generator_slot
+
+    for _, group in itertools.groupby(readings, key=place):
         yield list(group)
 
 

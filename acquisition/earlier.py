@@ -69,12 +69,14 @@ def steps_of(plan: Sequence[Step], readings: int) -> tuple[Step, ...]:
 
 
 def way_to(targets: Sequence[Target]) -> tuple[Target, ...]:
-    """Those of the targets at which an axis or the analyzer stood before it turned last, and the last one.
+    """Those of the targets at which an axis, analyzer or generator stood before it turned last, and the last one.
 
     By them play is taken up from the same side, and none of them is a place that the scan has not come by.
     """
     before: dict[str, int] = {}
     for number, (here, there) in enumerate(pairwise(targets)):
-        stands, goes = ({**target.axes_deg, "analyzer": target.slot} for target in (here, there))
+        stands, goes = (
+            {**target.axes_deg, "analyzer": target.slot, "generator": target.generator} for target in (here, there)
+        )
         before.update({name: number for name in stands if stands[name] != goes[name]})
     return (*(targets[number] for number in sorted(set(before.values()))), *targets[-1:])

@@ -42,7 +42,8 @@ class Bench:
     analyzer moves them. `to_home` are the axes that every scan homes before it begins. `identities` are what devices
     say of themselves, with their serial numbers, where they have any. `position_retries` says by role how often an axis
     is sent again that has not come close enough to its target. `detector_azimuth` carries the detector arm out of the
-    plane of incidence, None where nothing does.
+    plane of incidence, None where nothing does. `generator` polarizes the light on the sample, None where it is
+    unpolarized; `of_generator` are the axes that turn it.
     """
 
     source_arm: HomingAxis
@@ -58,6 +59,8 @@ class Bench:
     identities: Mapping[str, str] = field(default_factory=dict)
     position_retries: Mapping[str, int] = field(default_factory=dict)
     detector_azimuth: HomingAxis | None = None
+    generator: Analyzer | None = None
+    of_generator: tuple[HomingAxis, ...] = ()
 
     @property
     def axes(self) -> dict[str, HomingAxis]:
@@ -69,13 +72,18 @@ class Bench:
         }
         return axes if self.detector_azimuth is None else {**axes, "detector_azimuth": self.detector_azimuth}
 
+    @property
+    def selectors(self) -> tuple[Analyzer, ...]:
+        """What has numbered slots: the analyzer, and the generator where there is one."""
+        return (self.analyzer,) if self.generator is None else (self.analyzer, self.generator)
+
     def order(self, targets_deg: Mapping[str, float]) -> tuple[tuple[str, ...], ...]:
         """The roles that move together, in turn; raises CollisionError when there is no safe way."""
         return (tuple(targets_deg),) if self.interlock is None else self.interlock.order(targets_deg)
 
     def stop(self, clock: Clock) -> list[BaseException]:
         """Stop everything that can move and see it come to rest, whatever fails on the way; returns what failed."""
-        return list(stop_all([*self.axes.values(), self.analyzer], clock).values())
+        return list(stop_all([*self.axes.values(), *self.selectors], clock).values())
 
 
 class Stoppable(Protocol):
@@ -207,7 +215,8 @@ class Engine:
                     not_done="the scan was not begun",
                     to_do="look at the stage, its home switch and its cable, then run the recipe again",
                 )
-        for turned in (*self._bench.axes.values(), self._bench.polarizer, self._bench.retarder):
+        bench = self._bench
+        for turned in (*bench.axes.values(), bench.polarizer, bench.retarder, *bench.of_generator):
             if turned is not None and not turned.is_homed():
                 raise without_home(turned.name, "the scan was not begun")
 

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 Document = tuple[str, dict[str, Any]]
 """A document's kind, and the document."""
 
-_UNITS = {"deg": "deg", "s": "s", "w": "W", "stokes": "1/sr", "covariance": "1/sr^2"}
+_UNITS = {"deg": "deg", "s": "s", "w": "W", "stokes": "1/sr", "mueller": "1/sr", "covariance": "1/sr^2"}
 """Units by the ends of names, or by whole names."""
 
 

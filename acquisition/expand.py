@@ -12,13 +12,13 @@ from acquisition.blocks import Sweep, blocks
 from acquisition.moving import Moving
 from acquisition.recipe import Recipe
 from acquisition.route import Order, routes
+from acquisition.settings_tour import Stop, tours
 from acquisition.steps import HOME as HOME
 from acquisition.steps import Slots as Slots
 from acquisition.steps import Step as Step
 from acquisition.steps import Target as Target
 from acquisition.timing import BenchTiming
 from acquisition.visits import Visits as Visits
-from acquisition.visits import tours
 from acquisition.ways import Ways
 
 _SAME_S = 6
@@ -36,9 +36,11 @@ class Direction:
     exit_azimuth_deg: float
     readings: int
 
-    def through(self, slot: int) -> Target:
-        """Where the bench stands for it, with a slot in the beam."""
-        return Target(self.incidence_deg, self.exit_deg, self.azimuth_deg, slot, self.exit_azimuth_deg)
+    def through(self, stop: Stop) -> Target:
+        """Where the bench stands for it, with slots of analyzer and generator in the beam."""
+        return Target(
+            self.incidence_deg, self.exit_deg, self.azimuth_deg, stop.slot, self.exit_azimuth_deg, stop.generator
+        )
 
 
 def expand(recipe: Recipe, slots: Slots, timing: BenchTiming) -> tuple[Step, ...]:
@@ -98,7 +100,7 @@ class _Listed:
 
     def __init__(self, recipe: Recipe, slots: Slots, timing: BenchTiming) -> None:
         self._recipe, self._timing = recipe, timing
-        self._tours = tours(recipe, slots, timing.analyzer)
+        self._tours = tours(recipe, slots, timing)
         self._tour = self._tours[0]
         self._visits = Visits(recipe, slots, timing)
         self._moving_s = Moving(timing)
@@ -147,7 +149,7 @@ class _Listed:
                     here = step.target
 
     def _sweep(self, part: _Way) -> Sweep:
-        turns = itertools.pairwise(part.directions[0].through(stop[0]) for stop in self._tour)
+        turns = itertools.pairwise(part.directions[0].through(stop) for stop in self._tour)
         return Sweep(
             onward_s=(np.array(part.forth_s) + np.array(part.back_s)) / 2,
             reading_s=np.array([self._taking_s[direction.readings] for direction in part.directions]),
@@ -159,17 +161,19 @@ class _Listed:
         """The steps of a block: from whichever end and whichever slot is reached sooner, and then forth and back."""
         recipe = self._recipe
         ways = [(order, stops) for order in (block, block.turned()) for stops in self._tours]
-        block, tour = min(ways, key=lambda way: self._moving_s(here, way[0].directions[0].through(way[1][0][0])))
+        block, tour = min(ways, key=lambda way: self._moving_s(here, way[0].directions[0].through(way[1][0])))
         reading_s, exposure_s = self._timing.reading_s(recipe.exposure_s), recipe.exposure_s
         taking_s = [self._taking_s[direction.readings] for direction in block.directions]
-        for slot, kind, state in tour:
-            moving_s = self._moving_s(here, block.directions[0].through(slot))
+        for stop in tour:
+            moving_s = self._moving_s(here, block.directions[0].through(stop))
+            kind, state = stop.kind, stop.state
             for direction, next_s, taken_s in zip(block.directions, [*block.forth_s, 0.0], taking_s, strict=True):
-                here = direction.through(slot)
+                here = direction.through(stop)
                 duration_s = moving_s + taken_s
                 yield Step(
                     *(direction.point, kind, here, state.polarizer_deg, direction.readings, exposure_s, duration_s),
                     *(state.retarder_deg, state.retardance_deg, reading_s),
+                    made=stop.made,
                 )
                 moving_s = next_s
             block, taking_s = block.turned(), taking_s[::-1]

@@ -16,12 +16,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from acquisition.fit_choice import FitChoice
-from acquisition.readings import StokesPoint
+from acquisition.readings import MuellerPoint, StokesPoint
 from goniometer.errors import FitError
 from model.acceptance import half_angle_rad
 from model.fit import Dataset, FitResult, SurfaceFamily, lobe_family
 from model.fit.dataset import Objective
-from model.fit.observable import Elements
+from model.fit.observable import MUELLER, Elements
 from model.fit.start import Search
 from model.geometry import FloatArray, in_plane
 
@@ -40,15 +40,23 @@ class FitArguments(TypedDict):
 def dataset(points: Sequence[StokesPoint], name: str = "the data") -> Dataset:
     """Stack the Stokes parameters of a scan's points, all of them S0 to S2 or all S0 to S3, into arrays.
 
-    Messages call them by a name.
+    Where Mueller matrices were measured, all their elements. Messages call them by a name.
     """
+    there = directions(
+        [point.incidence_deg for point in points],
+        [point.exit_deg for point in points],
+        exit_azimuth_deg=[point.exit_azimuth_deg or 0.0 for point in points],
+    )
+    measured = [point for point in points if isinstance(point, MuellerPoint)]
+    if measured:
+        rows, columns = measured[0].mueller.shape
+        picked = tuple(4 * row + column for row in range(rows) for column in range(columns))
+        values = np.array([point.mueller.ravel() for point in measured])
+        covariance = np.array([point.mueller_covariance for point in measured])
+        return Dataset(*there, values, covariance, Elements(picked, MUELLER), name=name)
     stokes = np.array([point.stokes for point in points])
     return Dataset(
-        *directions(
-            [point.incidence_deg for point in points],
-            [point.exit_deg for point in points],
-            exit_azimuth_deg=[point.exit_azimuth_deg or 0.0 for point in points],
-        ),
+        *there,
         values=stokes,
         covariance=np.array([point.covariance for point in points]),
         observable=Elements(tuple(range(stokes.shape[-1]))),

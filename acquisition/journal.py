@@ -140,9 +140,9 @@ class Journal:
                 )
             if journal._stored != FORMAT:
                 raise JournalError(
-                    f"{path} was begun by an earlier version of goniometer (journal format {journal._stored}), which "
-                    "did not write down what a scan needs to go on. Nothing was changed. Run the recipe again; what "
-                    f"was measured can be fitted: goniometer fit {path.parent}"
+                    f"{path} was begun by an earlier version of goniometer (journal format {journal._stored}), whose "
+                    "journals are read and not written on. Nothing was changed. Run the recipe again; what was "
+                    f"measured can be fitted: goniometer fit {path.parent}"
                 )
             journal._connection.execute("PRAGMA query_only=OFF")
             journal._connection.execute("PRAGMA synchronous=FULL")

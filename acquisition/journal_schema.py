@@ -10,7 +10,7 @@ _ADDED: dict[str, tuple[str, ...]] = {
     "1": (),
     "2": ("retarder_deg", "retardance_deg"),
     "3": (),  # what was planned, and interruptions
-    "4": ("exit_azimuth_deg",),
+    "4": ("exit_azimuth_deg", "generator_slot", "generator_deg", "generator_retarder_deg", "generator_retardance_deg"),
 }
 """Columns of a reading that each format has beside those of the one before."""
 
@@ -23,7 +23,7 @@ MISSING = {known: tuple(name for later, names in _ADDED.items() if later > known
 WITHOUT_PLAN = ("1", "2")
 """Formats that do not say which readings were planned."""
 
-_TYPES = {"point": "INTEGER", "kind": "TEXT", "repeat": "INTEGER", "slot": "INTEGER"}
+_TYPES = {"point": "INTEGER", "kind": "TEXT", "repeat": "INTEGER", "slot": "INTEGER", "generator_slot": "INTEGER"}
 CREATE = (
     "CREATE TABLE about (key TEXT PRIMARY KEY, value TEXT NOT NULL) STRICT",
     f"""CREATE TABLE readings (

@@ -57,7 +57,7 @@ class LostLinks:
         wait: Callable[[float], None],
         begin_again: Callable[[LinkRestored], None],
     ) -> None:
-        self._movers: tuple[RotaryAxis | Analyzer, ...] = (*bench.axes.values(), bench.analyzer)
+        self._movers: tuple[RotaryAxis | Analyzer, ...] = (*bench.axes.values(), *bench.selectors)
         self._to_check: list[tuple[Reachable, Callable[[], tuple[str, ...]]]] = [
             *((mover, partial(self._mover_again, mover)) for mover in self._movers),
             (bench.detector, bench.detector.connect),

@@ -46,12 +46,14 @@ def stderr_of(column: str) -> str:
 
 
 def covariance_of(one: str, other: str) -> str:
-    """The column with the covariance of two Stokes parameters."""
+    """The column with the covariance of two Stokes parameters, or of two Mueller elements in 1/sr."""
     return f"cov_{one.removesuffix('_per_sr')}_{other.removesuffix('_per_sr')}_per_sr2"
 
 
 _VALUES = tuple(column for columns in KINDS.values() for column in columns)
-_COVARIANCES = tuple(covariance_of(one, other) for one in STOKES for other in STOKES)
+_COVARIANCES = tuple(
+    covariance_of(one, other) for elements in (STOKES, MUELLER) for one in elements for other in elements
+)
 KNOWN = (*ANGLES, EXIT_AZIMUTH, *_NOT_FITTED, *_VALUES, *map(stderr_of, _VALUES), *_COVARIANCES, *_FROM_STOKES)
 
 
@@ -89,8 +91,10 @@ def _check_columns(table: TextTable, kind: str, picked: Sequence[str]) -> None:
         if any(name in table.columns for name in group):
             needed += group
     useful = {*ANGLES, EXIT_AZIMUTH, *_NOT_FITTED, *picked, *errors}
+    if kind in ("Stokes", "Mueller"):
+        useful |= {*covariances}
     if kind == "Stokes":
-        useful |= {*covariances, *_FROM_STOKES}
+        useful |= {*_FROM_STOKES}
     for name in needed:
         if name not in table.columns:
             table.add(table.header_line, f"there is no column {name}, which the others need; add it")

@@ -10,13 +10,13 @@ import numpy as np
 from acquisition.fit_points import directions
 from goniometer.errors import FitError, JournalError
 from model.fit import Dataset
-from model.fit.observable import Elements
+from model.fit.observable import MUELLER, Elements
 from model.geometry import FloatArray
 
 if TYPE_CHECKING:
     import h5py
 
-_POINTS, _PROVENANCE = "entry/stokes", "entry/provenance"
+_POINTS, _MUELLER, _PROVENANCE = "entry/stokes", "entry/mueller", "entry/provenance"
 
 
 def read_measured_nexus(path: Path) -> tuple[Dataset, dict[str, str]]:
@@ -54,6 +54,8 @@ def read_measured_nexus(path: Path) -> tuple[Dataset, dict[str, str]]:
 
 
 def _data(file: h5py.File, path: Path) -> Dataset:
+    if _MUELLER in file:
+        return _mueller(file, path)
     count = 4 if f"{_POINTS}/S3" in file else 3
     stokes = [_numbers(file, f"S{place}", "1/sr", 1, path) for place in range(count)]
     covariance = _numbers(file, "covariance", "1/sr^2", 3, path)
@@ -73,10 +75,27 @@ def _data(file: h5py.File, path: Path) -> Dataset:
     return Dataset(*there, np.stack(stokes, axis=1), covariance, observable, name=path.name)
 
 
-def _numbers(file: h5py.File, name: str, units: str, dimensions: int, path: Path) -> FloatArray:
+def _mueller(file: h5py.File, path: Path) -> Dataset:
+    """The Mueller matrices, which say all that the Stokes parameters do."""
+    mueller = _numbers(file, "M", "1/sr", 3, path, _MUELLER)
+    covariance = _numbers(file, "covariance", "1/sr^2", 3, path, _MUELLER)
+    where = [_numbers(file, name, "deg", 1, path, _MUELLER) for name in ("incidence_angle", "exit_angle")]
+    count, rows, columns = mueller.shape
+    expected = (count, rows * columns, rows * columns)
+    if {len(angles) for angles in where} != {count} or covariance.shape != expected or max(rows, columns) > 4:
+        raise FitError(
+            f"{path}: the arrays of {_MUELLER} differ in length, or its covariance, of shape {covariance.shape}, is "
+            f"not {expected}. Nothing was fitted. Write the file again from the run: goniometer fit RUN"
+        )
+    picked = tuple(4 * row + column for row in range(rows) for column in range(columns))
+    values = mueller.reshape(count, -1)
+    return Dataset(*directions(*where), values, covariance, Elements(picked, MUELLER), name=path.name)
+
+
+def _numbers(file: h5py.File, name: str, units: str, dimensions: int, path: Path, group: str = _POINTS) -> FloatArray:
     import h5py
 
-    place = f"{_POINTS}/{name}"
+    place = f"{group}/{name}"
     found = file.get(place)
     if not isinstance(found, h5py.Dataset) or found.dtype.kind != "f" or found.ndim != dimensions:
         what = "is missing" if found is None else "is not an array of numbers, or not of as many dimensions as a scan's"

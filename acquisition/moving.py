@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from acquisition.settings_tour import change_s
 from acquisition.steps import Target
 from acquisition.timing import CONFIRM_S, BenchTiming
 
@@ -18,7 +19,7 @@ class Moving:
 
     def __init__(self, timing: BenchTiming) -> None:
         self._timing = timing
-        self._known_s: dict[tuple[float, ...], float] = {}
+        self._known_s: dict[tuple[float | None, ...], float] = {}
 
     def __call__(self, here: Target, there: Target) -> float:
         """Duration of the way, settling and questions included."""
@@ -27,7 +28,8 @@ class Moving:
         if self._timing.zones and (incidence_deg or azimuth_deg or exit_azimuth_deg):
             return _moving_s(here, there, self._timing)
         exit_deg = round(there.exit_deg - here.exit_deg, 9)
-        key = (incidence_deg, exit_deg, azimuth_deg, exit_azimuth_deg, here.slot, there.slot)
+        slots = here.slot, there.slot, here.generator, there.generator
+        key = (incidence_deg, exit_deg, azimuth_deg, exit_azimuth_deg, *slots)
         known_s = self._known_s.get(key)
         if known_s is None:
             known_s = self._known_s[key] = _moving_s(here, there, self._timing)
@@ -39,10 +41,8 @@ def _moving_s(here: Target, there: Target, timing: BenchTiming) -> float:
     going = [axis for role, axis in timing.axes.items() if there_deg[role] != here_deg[role]]
     settles_s = [axis.settle_s for axis in going]
     moving_s = timing.axes_s(here_deg, there_deg) + sum(axis.start_s + axis.exchange_s for axis in going)
-    if here.slot != there.slot:
-        analyzer = timing.analyzer
-        moving_s = max(moving_s, analyzer.move_s(here.slot, there.slot) + analyzer.exchange_s)
-        settles_s.append(analyzer.settle_s)
+    turning_s, settling_s = change_s(timing, (here.slot, here.generator), (there.slot, there.generator))
+    moving_s, settles_s = max(moving_s, turning_s), [*settles_s, settling_s]
     if going:
         moving_s -= CONFIRM_S
     return moving_s + max(settles_s, default=0.0)

@@ -18,8 +18,10 @@ import numpy as np
 
 from acquisition.fit_points import in_degrees
 from acquisition.nexus_definition import declare_definition, write_beam
+from acquisition.nexus_fields import EXIT_AZIMUTH
 from acquisition.nexus_fields import field as _field
 from acquisition.nexus_fields import group as _group
+from acquisition.nexus_mueller import write_generator, write_mueller
 from acquisition.readings import Reading, StokesPoint
 from acquisition.reduce import NoiseModel
 from acquisition.whole_file import written_whole
@@ -31,7 +33,6 @@ if TYPE_CHECKING:
 
 _DIMENSIONLESS = ""
 """The units attribute of a ratio or a count, as the NeXus manual writes it (unit category NX_DIMENSIONLESS)."""
-_EXIT_AZIMUTH = "turn of the plane of the exit angle out of the plane of incidence, right-handed about the normal"
 _STOKES_NAMES = (
     "S0 per unit irradiance",
     "S1 per unit irradiance: s-polarized less p-polarized light",
@@ -98,6 +99,7 @@ def write_nexus(
         _write_instrument(entry, readings, noise)
         _group(entry, "sample", "NXsample")["name"] = title
         _write_points(entry, points)
+        write_mueller(entry, points)
         if fit is not None:
             _write_fit(entry, fit)
         _write_provenance(entry, provenance)
@@ -133,7 +135,7 @@ def _write_instrument(entry: h5py.Group, readings: Sequence[Reading], noise: Noi
     _field(raw, "exit_angle", column(lambda reading: reading.exit_deg), "deg", "signed exit angle")
     _field(raw, "sample_azimuth", column(lambda reading: reading.azimuth_deg), "deg")
     if any(reading.exit_azimuth_deg is not None for reading in readings):
-        _field(raw, "exit_azimuth", column(lambda reading: reading.exit_azimuth_deg or 0.0), "deg", _EXIT_AZIMUTH)
+        _field(raw, "exit_azimuth", column(lambda reading: reading.exit_azimuth_deg or 0.0), "deg", EXIT_AZIMUTH)
     polarizer_deg = column(lambda reading: np.nan if reading.analyzer_deg is None else reading.analyzer_deg)
     analyzer["polarizer_angle"] = _field(raw, "polarizer_angle", polarizer_deg, "deg", "from the s-direction")
     if any(reading.retarder_deg is not None for reading in readings):
@@ -144,6 +146,7 @@ def _write_instrument(entry: h5py.Group, readings: Sequence[Reading], noise: Noi
         retarder["retardance"] = _field(
             raw, "retardance", retardance_deg, "deg", "of the slow axis behind the fast one"
         )
+    write_generator(instrument, raw, readings)
     _field(raw, "analyzer_slot", np.array([reading.slot for reading in readings], int), _DIMENSIONLESS)
     _field(raw, "point", np.array([reading.point for reading in readings], int), _DIMENSIONLESS)
     _field(raw, "repeat", np.array([reading.repeat for reading in readings], int), _DIMENSIONLESS)
@@ -199,7 +202,7 @@ def _plot(
     _field(group, "sample_azimuth", [point.azimuth_deg for point in points], "deg")
     axes = ["exit_angle", "incidence_angle", "sample_azimuth"]
     if any(point.exit_azimuth_deg is not None for point in points):
-        _field(group, "exit_azimuth", [point.exit_azimuth_deg or 0.0 for point in points], "deg", _EXIT_AZIMUTH)
+        _field(group, "exit_azimuth", [point.exit_azimuth_deg or 0.0 for point in points], "deg", EXIT_AZIMUTH)
         axes.append("exit_azimuth")
     for axis in axes:
         group.attrs[f"{axis}_indices"] = 0

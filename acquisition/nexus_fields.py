@@ -10,6 +10,10 @@ if TYPE_CHECKING:
     import h5py
 
 
+EXIT_AZIMUTH = "turn of the plane of the exit angles out of the plane of incidence, right-handed about the normal"
+"""What the field exit_azimuth is called on a plot's axis."""
+
+
 def group(parent: h5py.Group, name: str, nexus_class: str) -> h5py.Group:
     """Add a group of a NeXus class."""
     made = parent.create_group(name)

@@ -3,21 +3,20 @@
 from __future__ import annotations
 
 from collections import Counter, deque
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from acquisition.events import AxisSentAgain
 from acquisition.expand import Target
 from acquisition.protocols import Analyzer, RotaryAxis
+from acquisition.selector import Selector
 from acquisition.timing import DUE_POLL_S, POLL_S
 from drivers.clock import Clock
 from goniometer.errors import PositionError
 
 if TYPE_CHECKING:
     from acquisition.engine import Bench
-
-_ANALYZER = "analyzer"
 
 _FRESH_S = 0.1
 """How long it is taken for granted that axes at rest stand where they have just said."""
@@ -59,17 +58,21 @@ class Placement:
         self._left_deg: dict[str, float] = {}
         self._sent: set[str] = set()
         self._seen_deg: tuple[dict[str, float], float] | None = None
-        self._slot: int | None = None
+        self._analyzer = Selector(bench.analyzer, "analyzer")
+        self._generator = None if bench.generator is None else Selector(bench.generator, "generator")
         self._at: Target | None = None
         self._way: _Way | None = None
         self._sent_again: Counter[str] = Counter()
 
     def leave(self) -> None:
         """Take nothing for granted: `arrive` asks every device again where it stands."""
-        self._at = self._way = self._seen_deg = self._slot = None
+        self._at = self._way = self._seen_deg = None
+        for selector in (self._analyzer, self._generator):
+            if selector is not None:
+                selector.forget()
 
     def depart(self, target: Target) -> None:
-        """Begin to bring the axes to a target; the analyzer stays, so that it can still be asked.
+        """Begin to bring the axes to a target; analyzer and generator stay, to be asked still.
 
         Raises
         ------
@@ -106,15 +109,11 @@ class Placement:
             self.depart(target)
         assert self._way is not None, "it has departed"
         self._at, way = None, self._way
-        if self._slot is None:
-            self._slot = self._bench.analyzer.slot()
-        if self._slot != target.slot or _ANALYZER in self._sent:
-            self._sent.add(_ANALYZER)
-            self._slot = None
-            self._bench.analyzer.start_select(target.slot)
-            way.moving.append(self._bench.analyzer)
+        for selector, slot in self._selected(target.slot, target.generator):
+            if selector.begin(slot):
+                way.moving.append(selector.device)
         self._end(way)
-        self.require_slot(target.slot)
+        self.require_slots(target.slot, target.generator)
         self._wait(max(way.settled_s - self._clock.now(), 0.0))
         self._at = target
 
@@ -126,17 +125,10 @@ class Placement:
         self._seen_deg = None
         return self._still_there_deg()
 
-    def require_slot(self, wanted: int) -> None:
-        """Ask before and after every reading: a wheel can be turned by hand."""
-        self._slot = self._bench.analyzer.slot()
-        if self._slot != wanted:
-            raise PositionError(
-                self._bench.analyzer.name,
-                f"{'no slot' if self._slot is None else f'slot {self._slot}'} is in the beam instead of slot {wanted}",
-                not_done="no reading was stored that this may have spoilt",
-                to_do="check that nothing holds the analyzer and that nobody turned it by hand, then run the recipe "
-                "again",
-            )
+    def require_slots(self, analyzer: int, generator: int | None) -> None:
+        """Ask analyzer and generator which slots are in the beam; raises PositionError when others are."""
+        for selector, slot in self._selected(analyzer, generator):
+            selector.require(slot)
 
     def read_back(self, *, anew: bool) -> tuple[float, ...]:
         """Ask every axis where it is, at the target where the bench has arrived.
@@ -177,6 +169,8 @@ class Placement:
         self._left_deg, self._seen_deg = targets_deg, (positions_deg, asked_s)
         self._sent.clear()
         self._sent_again.clear()
+        for selector, _ in self._selected(self._at.slot, self._at.generator):
+            selector.arrived()
         return tuple(positions_deg[role] for role in targets_deg)
 
     def _axes_deg(self, target: Target) -> dict[str, float]:
@@ -197,6 +191,12 @@ class Placement:
         self._sent.clear()
         self._at = self._seen_deg = None
         raise Astray(AxisSentAgain(axis.name, positions_deg[role], target_deg, self._sent_again[role], most))
+
+    def _selected(self, analyzer: int, generator: int | None) -> Iterator[tuple[Selector, int]]:
+        yield self._analyzer, analyzer
+        if generator is not None:
+            assert self._generator is not None, "a recipe for a generator is only accepted on a bench with one"
+            yield self._generator, generator
 
     def _still_there_deg(self) -> dict[str, float]:
         positions_deg, _ = self._positions_deg()
@@ -231,7 +231,7 @@ class Placement:
     def _end(self, way: _Way) -> None:
         """Wait until all has arrived that is on its way or is to follow."""
         while way.moving:
-            if way.order and way.moving == [self._bench.analyzer]:
+            if way.order and all(device in self._bench.selectors for device in way.moving):
                 self._go_on(way)
             self._clock.sleep(0.0)  # in virtual time what was just sent may still be answered; then the clock stands
             self._wait(_pause_s(way.moving))

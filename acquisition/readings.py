@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from acquisition.analyzer_matrix import AnalyzerState
+from acquisition.generator import GeneratorState
 
 ReadingKind = Literal["signal", "dark", "reference"]
 
@@ -21,6 +22,8 @@ class Reading:
     `analyzer_deg` the angle of the polarizer in it, None for a slot without one (open or blocked); `retarder_deg` and
     `retardance_deg` are the fast axis and the retardance of a retarder before the polarizer, None without one.
     `exit_azimuth_deg` is the detector arm's turn out of the plane of incidence, None on a bench that cannot turn it.
+    Those of the generator say of the light on the sample what those of the analyzer say of the reflected one, None
+    where it is unpolarized.
     """
 
     point: int
@@ -37,6 +40,15 @@ class Reading:
     retarder_deg: float | None = None
     retardance_deg: float | None = None
     exit_azimuth_deg: float | None = None
+    generator_slot: int | None = None
+    generator_deg: float | None = None
+    generator_retarder_deg: float | None = None
+    generator_retardance_deg: float | None = None
+
+    @property
+    def generator(self) -> GeneratorState:
+        """What the light had passed before the sample."""
+        return GeneratorState(self.generator_deg, self.generator_retarder_deg, self.generator_retardance_deg)
 
     @property
     def analyzer(self) -> AnalyzerState:
@@ -78,3 +90,15 @@ class StokesPoint:
     def has_s3(self) -> bool:
         """Whether S3 was measured."""
         return len(self.stokes) == 4
+
+
+@dataclass(frozen=True, kw_only=True)
+class MuellerPoint(StokesPoint):
+    """The Mueller matrix of one direction in 1/sr, of which the Stokes parameters are the first column.
+
+    `mueller` has shape (3, 3), (3, 4), (4, 3) or (4, 4): as many rows as the analyzer tells, and columns as the
+    generator makes; `mueller_covariance` is that of its elements, row by row, in 1/sr².
+    """
+
+    mueller: NDArray[np.float64]
+    mueller_covariance: NDArray[np.float64]

@@ -184,8 +184,8 @@ class Readout:
         return is_again
 
     def _keep(self, reading: Reading) -> None:
-        """Keep a reading, unless the analyzer has left its slot."""
-        self._placement.require_slot(reading.slot)
+        """Keep a reading, unless analyzer or generator has left its slot."""
+        self._placement.require_slots(reading.slot, reading.generator_slot)
         self._keep_reading(reading)
         self._powers_w.append(reading.power_w)
 
@@ -207,4 +207,8 @@ def _reading(step: Step, repeat: int, time_s: float, angles_deg: tuple[float, ..
         retarder_deg=step.retarder_deg,
         retardance_deg=step.retardance_deg,
         exit_azimuth_deg=out_of_plane[0] if out_of_plane else None,
+        generator_slot=step.target.generator,
+        generator_deg=step.made.polarizer_deg,
+        generator_retarder_deg=step.made.retarder_deg,
+        generator_retardance_deg=step.made.retardance_deg,
     )

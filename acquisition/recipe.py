@@ -16,6 +16,7 @@ from acquisition.exit_angles import WIDEST_EXIT_DEG as WIDEST_EXIT_DEG
 from acquisition.exit_angles import ExitRange as ExitRange
 from acquisition.fit_choice import FitChoice as FitChoice
 from acquisition.fit_choice import ParameterName
+from acquisition.generator_choice import generator_faults, generator_settings, purpose_faults
 from acquisition.lamp_level import LARGEST_CHANGE
 from acquisition.recipe_directions import RecipeDirections
 from acquisition.section import Section, SectionFault, refuse_all
@@ -81,6 +82,17 @@ class Recipe(RecipeDirections):
     )
     analyzer_deg: Annotated[tuple[AnalyzerAngle, ...], Field(strict=False, min_length=3)] = Field(
         description="at least 3 polarizer angles, in degrees, as the rig's slots name them; 4 for S3, with retarder_deg"
+    )
+    generator_deg: Annotated[tuple[AnalyzerAngle, ...], Field(strict=False)] | None = Field(
+        default=None,
+        min_length=3,
+        description="at least 3 polarizer angles of the generator in the source arm, in degrees, as its slots name "
+        "them, for Mueller matrices: every one is read with every analyzer setting; leave out without a generator",
+    )
+    generator_retarder_deg: Annotated[tuple[AnalyzerAngle, ...], Field(strict=False)] | None = Field(
+        default=None,
+        description="one angle of the generator's retarder for each of generator_deg, in degrees; leave out where it "
+        "has none",
     )
     calibration: str | None = Field(
         default=None,
@@ -187,6 +199,13 @@ class Recipe(RecipeDirections):
                 )
 
     @model_validator(mode="after")
+    def _check_generator(self) -> Self:
+        refuse_all(generator_faults(self.generator_deg, self.generator_retarder_deg))
+        if self.generator_deg is not None:
+            refuse_all(purpose_faults(self.fit.objective, adaptive=self.adaptive))
+        return self
+
+    @model_validator(mode="after")
     def _check_calibration(self) -> Self:
         if self.calibration is not None and self.calibration_max_age_days is None:
             refuse_all([(("calibration",), "needs calibration_max_age_days beside it; add it, or leave both out")])
@@ -285,6 +304,10 @@ class Recipe(RecipeDirections):
     def settings(self) -> tuple[tuple[float, float | None], ...]:
         """Return the analyzer's settings: angles of polarizer and retarder, None without one, as the rig names them."""
         return tuple(zip(self.analyzer_deg, self.retarder_deg or (None,) * len(self.analyzer_deg), strict=True))
+
+    def generator_settings(self) -> tuple[tuple[float, float | None], ...]:
+        """Return the generator's settings as `settings` does the analyzer's; none at all without a generator."""
+        return generator_settings(self.generator_deg, self.generator_retarder_deg)
 
     def readings_of_angles(self) -> tuple[int, ...]:
         """How many readings each exit angle of a product, or each point of a list, gets in every slot, at most."""

@@ -8,6 +8,9 @@ with S in 1/sr; for a polarizer at psi, a = ½ [1, cos 2psi, sin 2psi, 0]. The S
 direction are solved for together, so that the noise of the dark readings is carried into the covariance. S3 is among
 them where any of the analyzer's states depends on it, and otherwise is not spoken of. `lamp` is the reference readings'
 ratio to their first at the time of the reading, 1 without any. The readings of a direction need not follow one another.
+
+Where a generator polarizes the light on the sample, S = M g with the light's Stokes parameters g, of S0 = 1, and the
+elements of M are solved for in the same way: their first column is what unpolarized light would give.
 """
 
 from __future__ import annotations
@@ -20,14 +23,16 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from acquisition.analyzer_matrix import AnalyzerState, analyzer_matrix, check_states
+from acquisition.analyzer_matrix import analyzer_matrix
 from acquisition.calibrated_slots import SlotCalibration
 from acquisition.contradictions import lost_light, unsteady
 from acquisition.detector_noise import NoiseModel as NoiseModel
 from acquisition.doubts import behind_last_reference, in_break, in_unsteady_light, unfinished, without_light
+from acquisition.generator import generator_matrix
 from acquisition.lamp_level import LARGEST_CHANGE, LampBreak, LampLevel, reference_groups
-from acquisition.polarization import stokes_point
+from acquisition.mueller_point import reduced_point, unphysical
 from acquisition.readings import Reading, StokesPoint
+from acquisition.settings_matrix import Setting, check_settings, settings_matrix, settings_shape
 from goniometer.errors import ReductionError
 
 Floats = NDArray[np.float64]
@@ -128,7 +133,7 @@ class Reduction:
     def warnings(self, readings: Sequence[Reading], points: Sequence[StokesPoint]) -> tuple[str, ...]:
         """What a person should know of the light of a scan before believing in its points, in words."""
         unlit = behind_last_reference(self.lamp_level(readings), readings), without_light(points)
-        said = *unlit, *(in_unsteady_light(*found) for found in unsteady(points))
+        said = *unlit, *(in_unsteady_light(*found) for found in unsteady(points)), unphysical(points)
         return tuple(filter(None, said))
 
     def require_lamp(self, lamp: LampLevel, readings: Sequence[Reading]) -> None:
@@ -143,24 +148,23 @@ class Reduction:
             raise ReductionError("; ".join(in_break(found, readings) for found in breaks))
 
     def _whole(self, readings: Sequence[Reading]) -> list[list[Reading]]:
-        """The readings of each direction that determine as many Stokes parameters as those of the whole scan."""
+        """The readings of each direction that determine as many elements as those of the whole scan."""
         groups: dict[int, list[Reading]] = {}
         for reading in readings:
             groups.setdefault(reading.point, []).append(reading)
-        states = _states(readings)
-        count = analyzer_matrix(states).shape[1] if states else 0
-        return [group for _, group in sorted(groups.items()) if self._determines(group, count)]
+        shape = settings_shape(_settings(readings))
+        return [group for _, group in sorted(groups.items()) if self._determines(group, shape)]
 
-    def _determines(self, of_point: Sequence[Reading], count: int) -> bool:
+    def _determines(self, of_point: Sequence[Reading], shape: tuple[int, int]) -> bool:
         try:
             self._refuse_undetermined(of_point)
         except ReductionError:
             return False
-        return bool(analyzer_matrix(_states(of_point)).shape[1] == count)
+        return settings_shape(_settings(of_point)) == shape
 
     def _refuse_undetermined(self, readings: Sequence[Reading]) -> None:
         try:
-            check_states(_states(readings))
+            check_settings(_settings(readings))
         except ReductionError as error:
             raise ReductionError(f"Point {readings[0].point} cannot be reduced: {error}") from None
         if self._has_dark and not any(reading.kind == "dark" for reading in readings):
@@ -200,7 +204,7 @@ class Reduction:
         Raises
         ------
         ReductionError
-            When they do not determine the Stokes parameters that they depend on.
+            When they do not determine the elements that they depend on.
         """
         kinds = ("signal", "dark") if self._has_dark else ("signal",)
         readings = [reading for reading in readings if reading.kind in kinds]
@@ -210,7 +214,8 @@ class Reduction:
         levels, of_levels = lamp.at([reading.time_s for reading in signals])
         scale_w = self._radiometry.beam_power_w * self._radiometry.acceptance_sr * math.cos(math.radians(exit_deg))
         lit = np.array([reading.kind == "signal" for reading in readings])
-        count, matrix = self._design_matrix(readings)
+        rows, columns, matrix = self._design_matrix(readings)
+        count = rows * columns
         matrix[lit, :count] *= levels[:, None]
         power_w = np.array([reading.power_w for reading in readings]) - self._dark_w
         exposure_s = np.array([reading.exposure_s for reading in readings])
@@ -220,32 +225,39 @@ class Reduction:
 
         inverse, covariance = _inverted(matrix, power_w, variance_w2)
         solution = inverse @ power_w
-        covariance = covariance + self._of_calibration(signals, levels, inverse, lit, solution)
+        covariance = covariance + self._of_calibration(
+            signals, levels, inverse, lit, solution[:count].reshape(rows, columns)
+        )
         by_levels = inverse[:count, lit] * (matrix[lit, :count] @ solution[:count] / levels)
-        stokes = solution[:count] / scale_w
+        elements = solution[:count] / scale_w
         covariance = (covariance[:count, :count] + by_levels @ of_levels @ by_levels.T) / scale_w**2
         is_contradictory = lost_light(matrix, count, lit, power_w, variance_w2(power_w))
-        return replace(stokes_point(signals[0], stokes, covariance), is_contradictory=is_contradictory)
+        point = reduced_point(signals[0], elements, covariance, (rows, columns))
+        return replace(point, is_contradictory=is_contradictory)
 
-    def _design_matrix(self, readings: Sequence[Reading]) -> tuple[int, Floats]:
-        """How many Stokes parameters there are, and how these and the dark power make the readings."""
+    def _design_matrix(self, readings: Sequence[Reading]) -> tuple[int, int, Floats]:
+        """How many rows and columns of elements there are, and how these and the dark power make the readings."""
         signals = np.array([reading.kind == "signal" for reading in readings])
         of_states = analyzer_matrix([reading.analyzer for reading in readings if reading.kind == "signal"])
         if self._calibration is not None:
             of_states = np.array([self._rows[reading.slot] for reading in readings if reading.kind == "signal"])
-        count = of_states.shape[1]
-        rows = np.zeros((len(readings), count + self._has_dark))
-        rows[signals, :count] = of_states
-        rows[:, count:] = 1.0
-        return count, rows
+        of_light = generator_matrix([reading.generator for reading in readings if reading.kind == "signal"])
+        elements = settings_matrix(of_states, of_light)
+        count = elements.shape[1]
+        matrix = np.zeros((len(readings), count + self._has_dark))
+        matrix[signals, :count] = elements
+        matrix[:, count:] = 1.0
+        return of_states.shape[1], of_light.shape[1], matrix
 
     def _of_calibration(
-        self, signals: Sequence[Reading], levels: Floats, inverse: Floats, lit: NDArray[np.bool_], solution: Floats
+        self, signals: Sequence[Reading], levels: Floats, inverse: Floats, lit: NDArray[np.bool_], elements: Floats
     ) -> Floats:
         """What the calibration's errors add to the covariance of a solution in W², by the propagation above."""
         if self._calibration is None:
-            return np.zeros((len(solution), len(solution)))
-        powers = levels[:, None] * [self._row_slopes[one.slot] @ solution[:3] for one in signals]
+            return np.zeros((len(inverse), len(inverse)))
+        arriving = generator_matrix([one.generator for one in signals]) @ elements.T
+        slopes = np.array([self._row_slopes[one.slot] for one in signals])
+        powers = levels[:, None] * np.einsum("nps,ns->np", slopes, arriving)
         by_slots, by_dark = inverse[:, lit] @ powers, inverse.sum(axis=1)
         of_slots = by_slots @ self._calibration.covariance @ by_slots.T
         return np.asarray(of_slots + np.outer(by_dark, by_dark) * self._dark_variance)
@@ -257,9 +269,9 @@ class Reduction:
         return float(power_w.mean()), float(variance.sum() / len(readings) ** 2)
 
 
-def _states(readings: Sequence[Reading]) -> list[AnalyzerState]:
-    """The analyzer's states behind which light was read, each once."""
-    return list({reading.analyzer: None for reading in readings if reading.kind == "signal"})
+def _settings(readings: Sequence[Reading]) -> list[Setting]:
+    """The states of analyzer and generator in which light was read, each pair once."""
+    return list({(reading.analyzer, reading.generator): None for reading in readings if reading.kind == "signal"})
 
 
 def _inverted(matrix: Floats, power_w: Floats, variance_of: Callable[[Floats], Floats]) -> tuple[Floats, Floats]:

@@ -4,14 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import Self
 
 from acquisition.analyzer_matrix import AnalyzerState
+from acquisition.generator import GeneratorState
 from acquisition.readings import ReadingKind
 
 
 @dataclass(frozen=True)
 class Slots:
-    """Which analyzer slot holds what.
+    """Which analyzer slot holds what; and in `generator` the same of the slots of the generator, None without one.
 
     `polarizers` are slots by the angle that a recipe names; `retarded` are those with a retarder, by number, with
     the angles that a recipe names. Beside them there are the blocked and the open slot.
@@ -22,6 +24,7 @@ class Slots:
     blocked: int | None
     open: int | None
     retarded: Mapping[int, AnalyzerState] = field(default_factory=dict)
+    generator: Self | None = None
 
     def signal(self, polarizer_deg: float, retarder_deg: float | None) -> tuple[int, AnalyzerState]:
         """The slot with these angles, and the analyzer's state there, from the s-direction."""
@@ -38,9 +41,10 @@ class Slots:
 
 @dataclass(frozen=True)
 class Target:
-    """Where the bench stands: angles in degrees and the analyzer's slot.
+    """Where the bench stands: angles in degrees and the slots of analyzer and generator.
 
     `exit_azimuth_deg` is the detector arm's turn out of the plane of incidence, 0 on a bench that cannot turn it.
+    `generator` is None without one, or where any of its slots will do.
     """
 
     incidence_deg: float
@@ -48,6 +52,7 @@ class Target:
     azimuth_deg: float
     slot: int
     exit_azimuth_deg: float = 0.0
+    generator: int | None = None
 
     @property
     def axes_deg(self) -> dict[str, float]:
@@ -69,7 +74,8 @@ class Step:
     """One place of the bench and the readings taken there, `reading_s` each of the whole `duration_s`.
 
     Where the scan averages until something is reached, `readings` is the most of them. `first_repeat` is how often the
-    slot was read in this direction before. `cycle` counts the repeats of all directions, from 0.
+    slot was read in this direction before. `cycle` counts the repeats of all directions, from 0. `made` is what the
+    light passes before the sample.
     """
 
     point: int
@@ -84,6 +90,7 @@ class Step:
     reading_s: float = 0.0
     first_repeat: int = 0
     cycle: int = 0
+    made: GeneratorState = GeneratorState()  # noqa: RUF009 (frozen)
 
     @property
     def analyzer(self) -> AnalyzerState:

@@ -32,7 +32,7 @@ _WITH_S3 = ("docp", "docp_stderr", "dop", "dop_stderr")
 
 
 _OUT_OF_PLANE = "exit_azimuth_deg"
-_CONVENTIONS_OUT_OF_PLANE = """\
+CONVENTIONS_OUT_OF_PLANE = """\
 # exit_azimuth_deg is the turn of the plane of the exit angles out of the plane of incidence, right-handed about the
 # surface normal. The s-direction is perpendicular to the plane of the exit angles.
 """
@@ -82,7 +82,7 @@ def write_stokes_csv(path: Path, points: Sequence[StokesPoint]) -> None:
             file.write(_CONVENTIONS_OF_S3)
         out_of_plane = any(point.exit_azimuth_deg is not None for point in points)
         if out_of_plane:
-            file.write(_CONVENTIONS_OUT_OF_PLANE)
+            file.write(CONVENTIONS_OUT_OF_PLANE)
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(columns(count, out_of_plane=out_of_plane))
         writer.writerows(_row(point) for point in points)

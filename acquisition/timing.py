@@ -167,6 +167,7 @@ class BenchTiming:
     zones: tuple[Zone, ...] = ()
     detector: DetectorTiming = DetectorTiming()
     detector_azimuth: AxisTiming | None = None
+    generator: AnalyzerTiming | None = None
 
     @property
     def axes(self) -> dict[str, AxisTiming]:
@@ -184,11 +185,18 @@ class BenchTiming:
         return max(self.detector.reading_s(exposure_s), asking_s + CONFIRM_S)
 
     def readings_s(self, readings: int, exposure_s: float) -> float:
-        """Duration of a step's readings: during the last, the analyzer is asked about the one before it, too."""
+        """Duration of a step's readings: during the last, analyzer and generator are asked about the one before it."""
         if readings < 2:
             return readings * self.reading_s(exposure_s)
-        asking_s = self.analyzer.exchange_s + sum(axis.exchange_s for axis in self.axes.values()) + CONFIRM_S
-        return readings * self.reading_s(exposure_s) + max(asking_s - self.reading_s(exposure_s), 0.0)
+        asking_s = self.slots_s + sum(axis.exchange_s for axis in self.axes.values()) + CONFIRM_S
+        reading_s = self.reading_s(exposure_s)
+        between_s = max(self.slots_s + CONFIRM_S, reading_s)
+        return reading_s + (readings - 2) * between_s + max(asking_s, reading_s)
+
+    @property
+    def slots_s(self) -> float:
+        """Time to ask which slots are in the beam."""
+        return self.analyzer.exchange_s + (0.0 if self.generator is None else self.generator.exchange_s)
 
     def axes_s(self, here_deg: Mapping[str, float], there_deg: Mapping[str, float]) -> float:
         """Duration of the axes' moves between two places, given by role; a way through a zone counts as if free."""

@@ -2,19 +2,17 @@
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Iterable, Iterator
+from dataclasses import replace
 
 from acquisition.analyzer_matrix import AnalyzerState
 from acquisition.moving import Moving
-from acquisition.readings import ReadingKind
 from acquisition.recipe import Recipe, Reference
+from acquisition.settings_tour import Stop, change_s, shortest_tour
 from acquisition.steps import Slots, Step, Target
-from acquisition.timing import AnalyzerTiming, BenchTiming
+from acquisition.timing import BenchTiming
 
-_Place = tuple[ReadingKind, Target, AnalyzerState]
-Stop = tuple[int, ReadingKind, AnalyzerState]
-"""A slot, what is read there, and what the light then passes."""
+_Place = tuple[Target, Stop]
 
 
 class Visits:
@@ -31,7 +29,7 @@ class Visits:
 
     def __init__(self, recipe: Recipe, slots: Slots, timing: BenchTiming) -> None:
         self._recipe, self._slots, self._timing = recipe, slots, timing
-        self._tour = shortest_tour(recipe, slots, timing.analyzer)
+        self._tour = shortest_tour(recipe, slots, timing)
         self._moving_s = Moving(timing)
         self._incidence_deg, _, self._azimuth_deg, self._exit_azimuth_deg = recipe.directions_deg()[0].tolist()
 
@@ -53,79 +51,50 @@ class Visits:
     def closing_s(self) -> float:
         """The longest time that `closing` may take, from wherever a direction leaves the bench."""
         ends = [
-            self._target(exit_deg, slot)
+            self._target(exit_deg, stop)
             for exit_deg in set(self._recipe.exit_angles_deg())
-            for slot, _, _ in (self._tour[0], self._tour[-1])
+            for stop in (self._tour[0], self._tour[-1])
         ]
         return max(sum(step.duration_s for step in self.closing(0, end)) for end in ends)
 
     def _timed(self, point: int, readings: int, here: Target, places: Iterable[_Place]) -> tuple[Step, ...]:
         steps, exposure_s = [], self._recipe.exposure_s
         reading_s = self._timing.reading_s(exposure_s)
-        for kind, there, state in places:
+        for there, (_, kind, state, _, made) in places:
             duration_s = self._moving_s(here, there) + self._timing.readings_s(readings, exposure_s)
             steps.append(
                 Step(
                     *(point, kind, there, state.polarizer_deg, readings, exposure_s, duration_s),
                     *(state.retarder_deg, state.retardance_deg, reading_s),
+                    made=made,
                 )
             )
             here = there
         return tuple(steps)
 
     def _places(self, point: int, exit_deg: float, here: Target) -> Iterator[_Place]:
-        recipe, analyzer, slot = self._recipe, self._timing.analyzer, here.slot
+        recipe, tour = self._recipe, self._tour
         if recipe.reference is not None and point % recipe.reference.every_points == 0:
             place = self._reference(recipe.reference)
             yield place
-            slot = place[1].slot
-        tour = self._tour
-        if analyzer.move_s(slot, tour[-1][0]) < analyzer.move_s(slot, tour[0][0]):
+            here = place[0]
+        if self._turning_s(here, tour[-1]) < self._turning_s(here, tour[0]):
             tour = tour[::-1]
-        for slot, kind, state in tour:
-            yield kind, self._target(exit_deg, slot), state
+        for stop in tour:
+            yield self._target(exit_deg, stop), stop
 
-    def _target(self, exit_deg: float, slot: int) -> Target:
+    def _target(self, exit_deg: float, stop: Stop) -> Target:
         """In the plane of the recipe's first direction, which is the only one of a scan that decides as it goes."""
-        return Target(self._incidence_deg, exit_deg, self._azimuth_deg, slot, self._exit_azimuth_deg)
+        return Target(
+            self._incidence_deg, exit_deg, self._azimuth_deg, stop.slot, self._exit_azimuth_deg, stop.generator
+        )
 
     def _reference(self, reference: Reference) -> _Place:
         assert self._slots.open is not None, "a recipe with a reference is only accepted with an open slot"
+        # always in the same light: what reaches the detector depends on it
+        stop = self._tour[0]._replace(slot=self._slots.open, kind="reference", state=AnalyzerState())
         # in the plane of incidence, where the light is that follows the lamp best
-        place = Target(self._incidence_deg, reference.exit_deg, self._azimuth_deg, self._slots.open)
-        return "reference", place, AnalyzerState()
+        return replace(self._target(reference.exit_deg, stop), exit_azimuth_deg=0.0), stop
 
-
-def tours(recipe: Recipe, slots: Slots, analyzer: AnalyzerTiming) -> tuple[list[Stop], list[Stop]]:
-    """The slots of one point in two orders, one opposite to the other.
-
-    Where each slot is read until it is known well enough, the dark slot is the last of both: how often it is read
-    follows from the others.
-    """
-    tour = shortest_tour(recipe, slots, analyzer)
-    if recipe.averaging is None or recipe.averaging.signal_to_noise is None or not recipe.dark:
-        return tour, tour[::-1]
-    dark = [stop for stop in tour if stop[1] == "dark"]
-    lit = shortest_tour(recipe.model_copy(update={"dark": False}), slots, analyzer)
-    return lit + dark, lit[::-1] + dark
-
-
-def shortest_tour(recipe: Recipe, slots: Slots, analyzer: AnalyzerTiming) -> list[Stop]:
-    """The slots of one point in the order, round the wheel or along the angles, that takes the least time."""
-    stops: list[Stop] = []
-    for polarizer_deg, retarder_deg in recipe.settings():
-        slot, state = slots.signal(polarizer_deg, retarder_deg)
-        stops.append((slot, "signal", state))
-    if recipe.dark:
-        assert slots.blocked is not None, "a recipe with dark readings is only accepted with a blocked slot"
-        stops.append((slots.blocked, "dark", AnalyzerState()))
-
-    def time_s(tour: list[Stop]) -> float:
-        return sum(analyzer.move_s(here[0], there[0]) for here, there in itertools.pairwise(tour))
-
-    in_order = (
-        sorted(stops, key=lambda stop: stop[0]),
-        sorted(stops, key=lambda stop: stop[2].polarizer_deg or 0.0),
-        sorted(stops, key=lambda stop: stop[2].retarder_deg or 0.0),
-    )
-    return min((order[first:] + order[:first] for order in in_order for first in range(len(stops))), key=time_s)
+    def _turning_s(self, here: Target, stop: Stop) -> float:
+        return sum(change_s(self._timing, (here.slot, here.generator), (stop.slot, stop.generator)))

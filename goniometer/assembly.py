@@ -59,4 +59,6 @@ def connected(
             bench.identities,
             {role: axis.position_retries for role, axis in rig.axes().items()},
             axes.get("detector_azimuth"),
+            next(iter(bench.generators.values()), None),
+            tuple(axes[role] for role in rig.generator.carried_by) if rig.generator else (),
         )

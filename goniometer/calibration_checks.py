@@ -13,7 +13,7 @@ from acquisition.reference_light import PolarizerReference
 from goniometer.collision_zones import blocked_ways
 from goniometer.cross_checks import exposure_faults
 from goniometer.planning import slots, timing
-from goniometer.rig_devices.entry import Role
+from goniometer.rig_devices.entry import AxesEntry, Role
 from goniometer.rig_file import Rig
 from goniometer.yaml_file import Fault, YamlFile
 from sim_devices.effects.reference_polarizer import ReferencePolarizer
@@ -88,6 +88,13 @@ def calibration_recipe_on_rig(recipe: CalibrationRecipe, file: YamlFile, rig: Ri
         yield file.fault(
             ("scene",), f"is missing, but {rig_path} is simulated. Name a scene file, or a rig of real devices"
         )
+    if rig.generator is not None:
+        yield file.fault(
+            ("rig",),
+            f"the light passes the generator of {rig_path}, and a calibration is of the lamp alone. Take the "
+            "generator out of the beam, and name a rig file without it",
+        )
+        return
     if rig.analyzer.retarded():
         yield file.fault(
             ("rig",),
@@ -137,8 +144,13 @@ def analyzer_name(rig: Rig) -> str:
 
 
 def drivers(rig: Rig) -> dict[str, str]:
-    """The driver of each device."""
-    return {name: device.driver for name, device in rig.devices.items()}
+    """The driver of each device, but of a generator and what turns it: it does not change what an analyzer passes."""
+    turned_by = set() if rig.generator is None else set(rig.generator.carried_by)
+    return {
+        name: device.driver
+        for name, device in rig.devices.items()
+        if device.part != "generator" and not (isinstance(device, AxesEntry) and device.axes.keys() <= turned_by)
+    }
 
 
 def _listed(pairs: object) -> str:

@@ -7,24 +7,27 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from acquisition.analyzer_matrix import analyzer_matrix
 from acquisition.expand import HOME, Step, Target
 from acquisition.recipe import Recipe
+from acquisition.settings_matrix import condition, settings_shape
 from goniometer.durations import clock_text
 from goniometer.load_files import Setup
 from goniometer.planning import aim, beginning
 from goniometer.rig_devices.entry import PLACING, Role
 
 _BYTES_PER_READING = 100
+_MOST_NAMED = 8
+"""Slots that a line names one by one."""
 
 
 def describe_plan(setup: Setup) -> str:
     """What a recipe comes to, and its steps, a line a direction or a sweep, with the time at which each ends."""
     steps = beginning(setup.recipe, setup.rig)
+    named = "analyzer slots" if steps[0].target.generator is None else "generator/analyzer"
     lines = [
         *_heading(setup, steps),
         f"rig: {setup.rig.rig} ({setup.rig_path})",
-        f"analyzer: {_told(steps)}",
+        f"{'analyzer' if steps[0].target.generator is None else 'generator and analyzer'}: {_told(steps)}",
         f"travel: {_travel(steps, [role for role in PLACING if role in setup.rig.axes()])}",
         f"data: about {_size(sum(step.readings for step in steps))} in the journal",
         *_apart(steps),
@@ -32,7 +35,7 @@ def describe_plan(setup: Setup) -> str:
     ]
     out_of_plane = "detector_azimuth" in setup.rig.axes()
     aside = "  exit azimuth" if out_of_plane else ""
-    lines.append(f"{'points':>15}  incidence  {'exit':>20}  azimuth{aside}  {'analyzer slots':<18}   ends at")
+    lines.append(f"{'points':>15}  incidence  {'exit':>20}  azimuth{aside}  {named:<18}   ends at")
     elapsed_s = 0.0
     for run in _runs(steps):
         elapsed_s += sum(step.duration_s for step in run)
@@ -41,10 +44,13 @@ def describe_plan(setup: Setup) -> str:
 
 
 def _told(steps: Sequence[Step]) -> str:
-    """What the analyzer's settings tell, and by how much they may enlarge errors."""
-    states = {step.analyzer: None for step in steps if step.kind == "signal"}
-    matrix = analyzer_matrix(list(states))
-    return f"S0 to S{matrix.shape[1] - 1}, condition number {np.linalg.cond(matrix):.3g}"
+    """What the settings tell, and by how much they may enlarge errors."""
+    settings = list({(step.analyzer, step.made): None for step in steps if step.kind == "signal"})
+    rows, columns = settings_shape(settings)
+    told = f"S0 to S{rows - 1}"
+    if columns > 1:
+        told = f"{len(settings)} settings for {rows * columns} elements of the Mueller matrix, {rows} x {columns}"
+    return f"{told}, condition number {condition(settings):.3g}"
 
 
 def _heading(setup: Setup, steps: Sequence[Step]) -> list[str]:
@@ -67,7 +73,9 @@ def _travel(steps: Sequence[Step], roles: Sequence[Role]) -> str:
     ways_deg = np.abs(np.diff(angles_deg, axis=0)).sum(axis=0)
     axes = ", ".join(f"{role.replace('_', ' ')} {way_deg:.0f}°" for role, way_deg in zip(roles, ways_deg, strict=True))
     changes = sum(one.slot != other.slot for one, other in itertools.pairwise(places))
-    return f"{axes}, analyzer {changes} changes of slot"
+    turns = sum(one.generator != other.generator for one, other in itertools.pairwise(places))
+    of_generator = f", generator {turns}" if turns else ""
+    return f"{axes}, analyzer {changes}{of_generator} changes of slot"
 
 
 def _size(readings: int) -> str:
@@ -103,16 +111,28 @@ def _goes_on(run: Sequence[Step], step: Step) -> bool:
     if step.kind != last.kind and "reference" in (step.kind, last.kind):
         return False
     if len(run) == 1:
-        return step.point == last.point or step.target.slot == last.target.slot
-    if run[0].point == last.point or step.target.slot != last.target.slot:
+        return step.point == last.point or _slots(step) == _slots(last)
+    if run[0].point == last.point or _slots(step) != _slots(last):
         return run[0].point == last.point and step.point == last.point
     return _moving(last.target, step.target) in (_moving(run[0].target, run[1].target), frozenset())
+
+
+def _slots(step: Step) -> tuple[int | None, int]:
+    return step.target.generator, step.target.slot
 
 
 def _moving(here: Target, there: Target) -> frozenset[str]:
     """Which axes go: a line of the plan is along the same ones."""
     there_deg = there.axes_deg
     return frozenset(role for role, angle_deg in here.axes_deg.items() if angle_deg != there_deg[role])
+
+
+def _settings_text(run: Sequence[Step]) -> str:
+    """Slots in their order, those of the generator before those of the analyzer; of many, the first and the last."""
+    named = [
+        f"{slot}" if generator is None else f"{generator}/{slot}" for generator, slot in dict.fromkeys(map(_slots, run))
+    ]
+    return " ".join(named) if len(named) <= _MOST_NAMED else f"{named[0]} to {named[-1]}, {len(named)}"
 
 
 def _outlook(recipe: Recipe, elapsed_s: float) -> list[str]:
@@ -139,7 +159,7 @@ def _line(run: Sequence[Step], elapsed_s: float, *, out_of_plane: bool) -> str:
     azimuth = _ends(first.target.azimuth_deg, last.target.azimuth_deg, 2)
     if out_of_plane:
         azimuth = f"{azimuth:>7}  {_ends(first.target.exit_azimuth_deg, last.target.exit_azimuth_deg, 2):>12}"
-    slots = " ".join(str(slot) for slot in dict.fromkeys(step.target.slot for step in run))
+    slots = _settings_text(run)
     return f"{points:>15}  {incidence:>9}  {exits:>20}  {azimuth:>7}  {slots:<18}  {clock_text(elapsed_s):>8}" + (
         "  reference" if first.kind == "reference" else ""
     )

@@ -15,7 +15,12 @@ if TYPE_CHECKING:
     from goniometer.rig_devices.entry import Role
 
 _RIG = click.option("--rig", type=FILE, required=True, help="The rig file of the bench.")
-_AXIS = click.Choice(["source_arm", "detector_arm", "sample_azimuth", "detector_azimuth", "polarizer", "retarder"])
+_AXIS = click.Choice(
+    [
+        *("source_arm", "detector_arm", "sample_azimuth", "detector_azimuth"),
+        *("polarizer", "retarder", "generator_polarizer", "generator_retarder"),
+    ]
+)
 
 
 @click.command()

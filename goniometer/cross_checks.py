@@ -3,17 +3,21 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
+from typing import Literal
 
 from acquisition.analyzer_matrix import AnalyzerState, check_states
 from acquisition.exit_angles import AngleRange
+from acquisition.generator import GeneratorState
 from acquisition.point_table import NAMES
 from acquisition.recipe import Recipe
+from acquisition.settings_matrix import check_settings
+from acquisition.steps import Slots
 from goniometer.collision_zones import blocked_ways
 from goniometer.errors import ReductionError
-from goniometer.planning import beginning, plan
-from goniometer.rig_devices.entry import PLACING, Role
+from goniometer.planning import beginning, plan, slots
+from goniometer.rig_devices.entry import PLACING, AnalyzerEntry, Role
 from goniometer.rig_file import Rig
 from goniometer.yaml_file import Fault, KeyPath, YamlFile
 from model.acceptance import WIDEST_RAD, half_angle_rad
@@ -65,7 +69,11 @@ def exposure_faults(exposure_s: float, file: YamlFile, rig: Rig, rig_path: Path)
 
 def _slot_faults(recipe: Recipe, file: YamlFile, rig: Rig, rig_path: Path) -> Iterator[Fault]:
     contents = set(rig.analyzer.contents().values())
-    yield from _setting_faults(recipe, file, rig, rig_path)
+    faults = list(_setting_faults(recipe.settings(), rig.analyzer, "analyzer", file, rig_path))
+    faults += _generator_faults(recipe, file, rig, rig_path)
+    yield from faults
+    if recipe.generator_deg is not None and not faults:
+        yield from _together_faults(recipe, file, slots(rig))
     if recipe.dark and "blocked" not in contents:
         yield file.fault(
             ("dark",), f"needs a blocked slot, which {rig_path} does not have. Write 'dark: false', or block a slot"
@@ -74,30 +82,61 @@ def _slot_faults(recipe: Recipe, file: YamlFile, rig: Rig, rig_path: Path) -> It
         yield file.fault(("reference",), f"needs an open slot, which {rig_path} does not have. Leave reference out")
 
 
-def _setting_faults(recipe: Recipe, file: YamlFile, rig: Rig, rig_path: Path) -> Iterator[Fault]:
-    """Settings of the analyzer that the rig does not have, or that do not tell what they depend on."""
-    held = [AnalyzerState(content) for content in rig.analyzer.contents().values() if not isinstance(content, str)]
-    held += rig.analyzer.retarded().values()
-    has_retarder = bool(rig.analyzer.retarded())
-    if has_retarder != (recipe.retarder_deg is not None):
+def _generator_faults(recipe: Recipe, file: YamlFile, rig: Rig, rig_path: Path) -> Iterator[Fault]:
+    """Whether there is a generator for exactly those recipes that name its settings, and whether it has them."""
+    if rig.generator is not None and recipe.generator_deg is not None:
+        yield from _setting_faults(recipe.generator_settings(), rig.generator, "generator", file, rig_path)
+    elif rig.generator is not None:
+        what = f"is missing: light always passes the generator of {rig_path}"
+        yield file.fault(("generator_deg",), f"{what}. Add the angles of its polarizer, or name a rig without it")
+    elif recipe.generator_deg is not None:
+        what = f"is given, but there is no generator in {rig_path}"
+        yield file.fault(("generator_deg",), f"{what}. Leave it out, or name another rig")
+
+
+def _together_faults(recipe: Recipe, file: YamlFile, held: Slots) -> Iterator[Fault]:
+    """Whether settings that do by themselves tell the Mueller matrix together."""
+    assert held.generator is not None, "asked only where recipe and rig have a generator"
+    made = [held.generator.signal(*setting)[1] for setting in recipe.generator_settings()]
+    seen = [held.signal(*setting)[1] for setting in recipe.settings()]
+    try:
+        check_settings([(analyzer, GeneratorState.of(generator)) for generator in made for analyzer in seen])
+    except ReductionError as error:
+        yield file.fault(("generator_deg",), str(error))
+
+
+def _setting_faults(
+    settings: Sequence[tuple[float, float | None]],
+    device: AnalyzerEntry,
+    element: Literal["analyzer", "generator"],
+    file: YamlFile,
+    rig_path: Path,
+) -> Iterator[Fault]:
+    """Settings of analyzer or generator that the rig does not have, or that do not tell what they depend on."""
+    of_polarizer = f"{element}_deg"
+    of_retarder = "retarder_deg" if element == "analyzer" else "generator_retarder_deg"
+    held = [AnalyzerState(content) for content in device.contents().values() if not isinstance(content, str)]
+    held += device.retarded().values()
+    has_retarder = bool(device.retarded())
+    if has_retarder != (settings[0][1] is not None):
         what = "is missing: light always passes the retarder" if has_retarder else "is given, but there is no retarder"
-        remedy = "Add one angle for each of analyzer_deg" if has_retarder else "Leave it out, or name another rig"
-        yield file.fault(("retarder_deg",), f"{what} of {rig_path}. {remedy}")
+        remedy = f"Add one angle for each of {of_polarizer}" if has_retarder else "Leave it out, or name another rig"
+        yield file.fault((of_retarder,), f"{what} of {rig_path}. {remedy}")
         return
     states = {(state.polarizer_deg, state.retarder_deg): state for state in held}
     known = ", ".join(map(str, held)) or "none"
     named = "pairs of retarder and polarizer angle" if has_retarder else "polarizer angles"
-    for number, setting in enumerate(recipe.settings()):
+    for number, setting in enumerate(settings):
         if setting not in states:
-            place = ("analyzer_deg", number) if setting[1] is None else ("retarder_deg", number)
+            place = (of_polarizer if setting[1] is None else of_retarder, number)
             found = AnalyzerState(*setting)
             yield file.fault(place, f"got {found}; allowed: the {named} of {rig_path}, which are {known}")
-    if not states.keys() >= set(recipe.settings()):
+    if not states.keys() >= set(settings):
         return
     try:
-        check_states([states[setting] for setting in recipe.settings()])
+        check_states([states[setting] for setting in settings], element=element)
     except ReductionError as error:
-        yield file.fault(("retarder_deg",) if has_retarder else ("analyzer_deg",), str(error))
+        yield file.fault((of_retarder if has_retarder else of_polarizer,), str(error))
 
 
 def _angle_faults(recipe: Recipe, file: YamlFile, rig: Rig, rig_path: Path) -> Iterator[Fault]:

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from acquisition.fit_points import in_degrees
-from acquisition.readings import Reading, StokesPoint
+from acquisition.readings import MuellerPoint, Reading, StokesPoint
 from goniometer.directions import Directions, directions_of
 from goniometer.errors import ConfigurationError
 from goniometer.run_folder import StoredRun, stored_run
@@ -27,6 +27,11 @@ _UNITS = {"_per_sr2": "sr-2", "_per_sr": "sr-1", "_deg": "degree", "_nm": "nm", 
 _LONG_NAMES = {
     "stokes": "Stokes component of the light that leaves the sample",
     "stokes_2": "Stokes component, of the other one of a covariance",
+    "incoming": "Stokes component of the light on the sample",
+    "incoming_2": "Stokes component of the light on the sample, of the other one of a covariance",
+    "mueller_per_sr": "Mueller matrix per unit irradiance: light that leaves the sample of light that arrives",
+    "mueller_stderr_per_sr": "standard error of the Mueller matrix",
+    "mueller_covariance_per_sr2": "covariance of the elements of the Mueller matrix",
     "incidence_deg": "angle of incidence from the surface normal",
     "exit_deg": "exit angle from the surface normal, above 0 on the mirror side",
     "azimuth_deg": "turn of the sample about its normal",
@@ -60,6 +65,10 @@ _LONG_NAMES = {
     "reading_analyzer_deg": "angle of the analyzer from the s-direction; NaN without a polarizer",
     "reading_retarder_deg": "angle of the fast axis of a retarder before the analyzer; NaN without one",
     "reading_retardance_deg": "retardance of a retarder before the analyzer; NaN without one",
+    "reading_generator_slot": "slot of the generator",
+    "reading_generator_deg": "angle of the generator's polarizer from the s-direction",
+    "reading_generator_retarder_deg": "angle of the fast axis of the retarder behind the generator's polarizer",
+    "reading_generator_retardance_deg": "retardance of the retarder behind the generator's polarizer",
     "reading_power_w": "optical power",
     "reading_time_s": "time on the bench's clock",
 }
@@ -111,6 +120,10 @@ def load(run: str | Path) -> xarray.Dataset:
         "stokes_2": _labelled("stokes_2", ["stokes_2"], components),
         "wavelength_nm": _labelled("wavelength_nm", [], stored.recipe.wavelength_nm),
     }
+    if isinstance(stored.points[0], MuellerPoint):
+        incoming = [f"S{place}" for place in range(stored.points[0].mueller.shape[1])]
+        for name in ("incoming", "incoming_2"):
+            coordinates[name] = _labelled(name, [name], incoming)
     if stored.fit is not None:
         for name in ("parameter", "parameter_2"):
             coordinates[name] = _labelled(name, [name], list(in_degrees(stored.fit).parameters))
@@ -135,6 +148,22 @@ def _points(run: StoredRun, directions: Directions) -> dict[str, Variable]:
     return {
         name: _labelled(name, [*directions.dimensions, *inner[: values.ndim - 1]], directions.arranged(values))
         for name, values in vectors.items()
+    } | _mueller(run.points, directions)
+
+
+def _mueller(points: Sequence[StokesPoint], directions: Directions) -> dict[str, Variable]:
+    measured = [point for point in points if isinstance(point, MuellerPoint)]
+    if not measured:
+        return {}
+    matrix = np.array([point.mueller for point in measured])
+    rows, columns = matrix.shape[1:]
+    covariance = np.array([point.mueller_covariance for point in measured]).reshape(-1, *(rows, columns) * 2)
+    stderr = np.sqrt(np.einsum("nijij->nij", covariance))
+    named = {"mueller_per_sr": matrix, "mueller_stderr_per_sr": stderr, "mueller_covariance_per_sr2": covariance}
+    inner = ("stokes", "incoming", "stokes_2", "incoming_2")
+    return {
+        name: _labelled(name, [*directions.dimensions, *inner[: values.ndim - 1]], directions.arranged(values))
+        for name, values in named.items()
     }
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -25,7 +26,7 @@ from acquisition.steering import Steering
 from acquisition.timing import AxisTiming, BenchTiming
 from drivers.clock import Clock
 from goniometer.durations import clock_text
-from goniometer.rig_devices.entry import AxesEntry, Role
+from goniometer.rig_devices.entry import AnalyzerEntry, AxesEntry, Role
 from goniometer.rig_file import Rig
 
 
@@ -130,14 +131,19 @@ def aim(recipe: Recipe, rig: Rig) -> str:
 
 
 def slots(rig: Rig) -> Slots:
-    """What the rig's analyzer holds in which slot."""
-    held = rig.analyzer.contents()
+    """What the rig's analyzer holds in which slot, and its generator."""
+    generator = None if rig.generator is None else _slots_of(rig.generator)
+    return replace(_slots_of(rig.analyzer), generator=generator)
+
+
+def _slots_of(device: AnalyzerEntry) -> Slots:
+    held = device.contents()
     return Slots(
         polarizers={float(content): slot for slot, content in held.items() if not isinstance(content, str)},
-        offset_deg=rig.analyzer.offset_deg,
+        offset_deg=device.offset_deg,
         blocked=next((slot for slot, content in held.items() if content == "blocked"), None),
         open=next((slot for slot, content in held.items() if content == "open"), None),
-        retarded=rig.analyzer.retarded(),
+        retarded=device.retarded(),
     )
 
 
@@ -155,6 +161,7 @@ def timing(rig: Rig) -> BenchTiming:
         rig.zones,
         rig.detector.timing,
         axes.get("detector_azimuth"),
+        None if rig.generator is None else rig.generator.timing(axes),
     )
 
 

@@ -68,9 +68,14 @@ def refuse_other_devices(before: str, now: Mapping[str, str]) -> None:
 
 def refuse_other_readings(plan: Sequence[Step], taken: Sequence[Reading]) -> None:
     """Raise JournalError unless the readings are those that the plan begins with, without a gap."""
-    wanted = ((step.point, step.kind, step.target.slot, repeat) for step in plan for repeat in range(step.readings))
+    wanted = (
+        (step.point, step.kind, step.target.slot, step.target.generator, repeat)
+        for step in plan
+        for repeat in range(step.readings)
+    )
     for number, reading in enumerate(taken, 1):
-        if next(wanted, None) != (reading.point, reading.kind, reading.slot, reading.repeat):
+        found = reading.point, reading.kind, reading.slot, reading.generator_slot, reading.repeat
+        if next(wanted, None) != found:
             raise JournalError(
                 f"Reading {number} of the plan is missing in the journal, or this version of goniometer would take "
                 f"another one than the {reading.kind} at point {reading.point} in slot {reading.slot} that stands in "

@@ -63,7 +63,8 @@ class Rig(Section):
         for role, names in holders.items():
             for name in names:
                 if role not in (*needed, *PLACING):
-                    yield ("devices", name, "axes", role), "carries nothing; allowed: with driver: rotating_polarizer"
+                    carried = "rotating_generator" if role.startswith("generator") else "rotating_polarizer"
+                    yield ("devices", name, "axes", role), f"carries nothing; allowed: with driver: {carried}"
             for name in names[1:]:
                 yield ("devices", name, "axes", role), f"{names[0]} has the axis {role} too; allowed: each axis once"
 
@@ -77,6 +78,9 @@ class Rig(Section):
                 yield ("devices",), f"there is no {part}; a bench needs exactly one, for example driver: {example}"
             for name in names[1:]:
                 yield ("devices", name), f"is a second {part} beside {names[0]}; allowed: exactly one"
+        generators = [name for name, device in self.devices.items() if device.part == "generator"]
+        for name in generators[1:]:
+            yield ("devices", name), f"is a second generator beside {generators[0]}; allowed: one, or none"
 
     def _port_faults(self) -> Iterator[SectionFault]:
         first: dict[tuple[str, str | None], str] = {}
@@ -147,7 +151,15 @@ class Rig(Section):
     @property
     def analyzer(self) -> AnalyzerEntry:
         """The bench's analyzer."""
-        return next(device for device in self.devices.values() if isinstance(device, AnalyzerEntry))
+        return next(device for device in self._selectors() if device.part == "analyzer")
+
+    @property
+    def generator(self) -> AnalyzerEntry | None:
+        """What polarizes the light on the sample; None where it is unpolarized."""
+        return next((device for device in self._selectors() if device.part == "generator"), None)
+
+    def _selectors(self) -> Iterator[AnalyzerEntry]:
+        return (device for device in self.devices.values() if isinstance(device, AnalyzerEntry))
 
     @property
     def detector(self) -> DetectorEntry:

@@ -16,9 +16,10 @@ from acquisition.calibrated_slots import SlotCalibration
 from acquisition.doubts import skipped
 from acquisition.fit_points import dataset, fit_arguments, named_in_degrees, surface_family
 from acquisition.journal import Journal
+from acquisition.mueller_csv import write_mueller_csv
 from acquisition.nexus import write_nexus
 from acquisition.orders import skipped_points
-from acquisition.readings import Reading, StokesPoint
+from acquisition.readings import MuellerPoint, Reading, StokesPoint
 from acquisition.recipe import Recipe
 from acquisition.stokes_csv import write_stokes_csv
 from acquisition.suspend import suspensions
@@ -205,7 +206,11 @@ def write_results(run: StoredRun) -> list[Path]:
     with written_whole(fit_json_path) as part:
         part.write_text(_fit_json(run), encoding="utf-8")
     _draw(report, run)
-    return [csv, nexus, fit_json_path, report]
+    written = [csv, nexus, fit_json_path, report]
+    if matrices := [point for point in run.points if isinstance(point, MuellerPoint)]:
+        written.append(run.folder / "mueller.csv")
+        write_mueller_csv(written[-1], matrices)
+    return written
 
 
 def _draw(path: Path, run: StoredRun) -> None:

@@ -98,6 +98,8 @@ class Scene(ScenePart):
             for needed in ("analyzer", "detector")
             if parts[needed] != 1
         ]
+        if parts["generator"] > 1:
+            faults.append(f"a bench has at most one generator, and this one has {parts['generator']}")
         roles = Counter(role for device in self.devices.values() for role in device.roles())
         faults += [
             f"exactly one device must turn {role}, and here {roles[role]} do"

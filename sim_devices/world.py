@@ -20,6 +20,7 @@ from sim_devices.device import Device
 from sim_devices.effects.entry import Effect
 from sim_devices.effects.known import IN_ORDER, name_of
 from sim_devices.effects.measurement import Measurement, Moment, Stokes
+from sim_devices.generator import RotatingGenerator
 from sim_devices.past import Past
 from sim_devices.scene import Scene
 
@@ -46,6 +47,8 @@ class World:
         What turns, by its role.
     analyzer : Analyzer
         What stands before the detector.
+    generator : RotatingGenerator or None
+        What polarizes the lamp's light before the sample.
     acceptance_sr : float
         Solid angle that the detector accepts.
     devices : dict of str to Device
@@ -71,6 +74,7 @@ class World:
         self.axes: dict[str, Axis] = {}
         self.angle_deg: dict[str, AngleOfTime] = {}
         self.analyzer: Analyzer
+        self.generator: RotatingGenerator | None = None
         self.acceptance_sr: float
         self.devices: dict[str, Device] = {}
         # a rotating analyzer is carried by an axis that another device puts there
@@ -89,8 +93,8 @@ class World:
         if self.detector_half_angle_rad or self.source_half_angle_rad:
             self._sample = Acceptance(surface(scene), self.detector_half_angle_rad, self.source_half_angle_rad)
         # compiles the surface now, before a device has to answer in time
-        self._sample.stokes(0.0, 0.5, 0.0, self.lamp_stokes)
-        # what was seen last, which stays as long as the arms do
+        self._answer(0.0, 0.5, 0.0)
+        # what was seen last, a Stokes vector or a matrix, which stays as long as the arms do
         self._seen: tuple[tuple[float, ...], Stokes] | None = None
         self._measurements = past.measurements
 
@@ -136,29 +140,34 @@ class World:
         angles_deg = tuple(self.angle_deg[role](time_s) for role in _DIRECTION if role in self.angle_deg)
         if self._seen is None or self._seen[0] != angles_deg:
             self._seen = angles_deg, self._seen_at(*angles_deg)
-        return self._seen[1] if moment.lit == 1 else moment.lit * self._seen[1]
+        seen = self._seen[1]
+        if self.generator is not None:
+            seen = seen @ self.generator.stokes(time_s, self.lamp_stokes)
+        return seen if moment.lit == 1 else moment.lit * seen
+
+    def _answer(self, incidence_rad: float, exit_rad: float, azimuth_rad: float) -> Stokes:
+        """What the sample makes of the lamp's light, (4,); behind a generator, which turns, of all light, (4, 4)."""
+        if self.generator is not None:
+            return self._sample.mueller(incidence_rad, exit_rad, azimuth_rad)
+        return self._sample.stokes(incidence_rad, exit_rad, azimuth_rad, self.lamp_stokes)
 
     def _seen_at(self, source_arm_deg: float, detector_arm_deg: float, detector_azimuth_deg: float = 0.0) -> Stokes:
-        """Power acceptance cos(exit) Stokes; nothing when lamp or detector is below the sample's horizon.
+        """Power acceptance cos(exit) Stokes or Mueller; nothing when lamp or detector is below the sample's horizon.
 
         The detector's azimuth turns the detector arm, and the analyzer on it, about the sample's normal: the analyzer's
         s-direction stays perpendicular to the normal, as that of the model's exit frame.
         """
         incidence_deg, exit_deg = _within_a_turn(source_arm_deg), _within_a_turn(detector_arm_deg)
         if abs(incidence_deg) >= 90 or abs(exit_deg) >= 90:
-            return np.zeros(4)
+            return np.zeros(4 if self.generator is None else (4, 4))
         if incidence_deg < 0:
             # the plane of incidence turned by 180 deg about the normal
             incidence_deg, exit_deg = -incidence_deg, -exit_deg
         exit_rad, azimuth_rad = in_plane(math.radians(exit_deg))
-        stokes: Stokes = self._sample.stokes(
-            math.radians(incidence_deg),
-            float(exit_rad),
-            float(azimuth_rad) + math.radians(detector_azimuth_deg),
-            self.lamp_stokes,
-        )
+        phi_rad = float(azimuth_rad) + math.radians(detector_azimuth_deg)
+        answer = self._answer(math.radians(incidence_deg), float(exit_rad), phi_rad)
         reaching_w = self.scene.lamp.power_w * self.acceptance_sr * math.cos(math.radians(exit_deg))
-        return reaching_w * stokes
+        return reaching_w * answer
 
 
 def _within_a_turn(angle_deg: float) -> float:

@@ -106,6 +106,8 @@ def open_bench(rig_path: Path, note: Tell, trace: Path | None) -> Iterator[OpenB
         _tell(note, bench.notes)
         check()
         turning = {**bench.axes, "polarizer": bench.polarizer, "retarder": bench.retarder}
+        if rig.generator is not None:
+            turning |= dict(zip(rig.generator.carried_by, bench.of_generator, strict=True))
         axes = {role: axis for role, axis in turning.items() if isinstance(axis, Axis)}  # all are that there are
         opened = OpenBench(rig, axes, clock, check, bench.analyzer, bench.detector)
         with stopped_afterwards(opened, clock):

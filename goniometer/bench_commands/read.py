@@ -44,8 +44,10 @@ class BenchReading:
     stddev_w: float | None
 
     def __str__(self) -> str:
+        width = max(15, *(len(role) + 1 for role in self.positions_deg))
         lines = [
-            f"{role:<15}{position_deg:z10.4f}°{'  not homed: this position means nothing' * (role in self.not_homed)}"
+            f"{role:<{width}}{position_deg:z10.4f}°"
+            f"{'  not homed: this position means nothing' * (role in self.not_homed)}"
             for role, position_deg in self.positions_deg.items()
         ]
         holds: object = self.holds or ""
@@ -53,12 +55,12 @@ class BenchReading:
             holds = f"polarizer at {self.holds.polarizer_deg:g}° behind a retarder at {self.holds.retarder_deg:g}°"
         elif isinstance(self.holds, float):
             holds = f"polarizer at {self.holds:g}°"
-        lines.append(f"{'slot':<15}{self.slot or 'none':>10}   {holds}".rstrip())
+        lines.append(f"{'slot':<{width}}{self.slot or 'none':>10}   {holds}".rstrip())
         number = len(self.readings_w)
         about = f"one reading of {self.exposure_s:g} s"
         if self.stddev_w is not None:
             about = f"mean of {number} readings of {self.exposure_s:g} s ± standard deviation of one"
-        lines.append(f"{'power':<15}{plus_minus(self.power_w, self.stddev_w)} W   {about}")
+        lines.append(f"{'power':<{width}}{plus_minus(self.power_w, self.stddev_w)} W   {about}")
         return "\n".join(lines)
 
 

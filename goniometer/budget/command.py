@@ -73,6 +73,10 @@ def run_budget(asked: BudgetAsked) -> BudgetReport:
     """
     setup = load_recipe(asked.recipe, asked.rig)
     recipe, rig = setup.recipe, setup.rig
+    if recipe.generator_deg is not None:
+        raise ConfigurationError(
+            [f"{asked.recipe}: measures Mueller matrices, and budget foresees the errors of Stokes parameters alone."]
+        )
     sample = assumed_sample(setup, asked.assumptions)
     names = [shown(name) for name in sample.values]
     if asked.wanted is not None and asked.wanted not in names:

@@ -75,6 +75,7 @@ class Connecting:
     sets_up: bool = True
     axes: dict[str, Axis] = field(default_factory=dict)
     analyzers: dict[str, Analyzer] = field(default_factory=dict)
+    generators: dict[str, Analyzer] = field(default_factory=dict)
     detectors: dict[str, Detector] = field(default_factory=dict)
     notes: list[str] = field(default_factory=list)
     identities: dict[str, str] = field(default_factory=dict)

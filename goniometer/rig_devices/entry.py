@@ -18,8 +18,17 @@ from goniometer.port_address import Port
 from goniometer.rig_devices.connecting import Connecting
 from sim_devices.bench_devices.entry import SimulatedDevice
 
-Role = Literal["source_arm", "detector_arm", "sample_azimuth", "detector_azimuth", "polarizer", "retarder"]
-"""What an axis turns; polarizer and retarder are those of a rotating analyzer.
+Role = Literal[
+    "source_arm",
+    "detector_arm",
+    "sample_azimuth",
+    "detector_azimuth",
+    "polarizer",
+    "retarder",
+    "generator_polarizer",
+    "generator_retarder",
+]
+"""What an axis turns; polarizer and retarder are those of a rotating analyzer, or of a generator in the source arm.
 
 `detector_azimuth` carries the detector arm out of the plane of incidence, about the sample's normal.
 """
@@ -60,7 +69,7 @@ class DeviceEntry(Section, ABC):
     """A device; a subclass names its family in `driver`, a literal with one value."""
 
     part: ClassVar[str]
-    """What it does on the bench: "axes", "analyzer" or "detector"."""
+    """What it does on the bench: "axes", "analyzer", "generator" or "detector"."""
 
     greeting: ClassVar[Greeting | None] = None
     """How `goniometer devices` finds out whether it is there; the project's own families have other questions."""

@@ -9,6 +9,7 @@ from pydantic import Field
 from goniometer.rig_devices.entry import DeviceEntry
 from goniometer.rig_devices.newport_esp301 import NewportEsp301Entry
 from goniometer.rig_devices.oriental_az import OrientalAzEntry
+from goniometer.rig_devices.rotating_generator import RotatingGeneratorEntry
 from goniometer.rig_devices.rotating_polarizer import RotatingPolarizerEntry
 from goniometer.rig_devices.smc_lec import SmcLecEntry
 from goniometer.rig_devices.stanford_sr830 import StanfordSr830Entry
@@ -24,6 +25,7 @@ GROUP = "goniometer.drivers"
 _OWN: tuple[type[DeviceEntry], ...] = (
     NewportEsp301Entry,
     OrientalAzEntry,
+    RotatingGeneratorEntry,
     RotatingPolarizerEntry,
     SmcLecEntry,
     StanfordSr830Entry,

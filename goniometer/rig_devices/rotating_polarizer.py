@@ -99,7 +99,11 @@ class RotatingPolarizerEntry(AnalyzerEntry):
     @property
     def carried_by(self) -> tuple[Role, ...]:
         """The rotators."""
-        return self.turns
+        return tuple(map(self.role, self.turns))
+
+    def role(self, element: Element) -> Role:
+        """The axis that turns an element."""
+        return element
 
     def contents(self) -> Mapping[int, Slot]:
         """The angles of the polarizer where there is no retarder."""
@@ -115,7 +119,9 @@ class RotatingPolarizerEntry(AnalyzerEntry):
 
     def timing(self, axes: Mapping[Role, AxisTiming]) -> AnalyzerTiming:
         """The rotators go from angle to angle, both at the same time."""
-        return JointTiming(tuple(RotatorTiming(self._angles_deg(element), axes[element]) for element in self.turns))
+        return JointTiming(
+            tuple(RotatorTiming(self._angles_deg(element), axes[self.role(element)]) for element in self.turns)
+        )
 
     def connect(self, name: str, bench: Connecting) -> None:
         """Take the rotators, which are connected already."""
@@ -123,8 +129,12 @@ class RotatingPolarizerEntry(AnalyzerEntry):
         slots = {
             slot: SlotAngles(**{key: of_slots[slot] for key, of_slots in angles_deg.items()}) for slot in self.slots
         }
-        axes = {element: bench.axes[element] for element in self.turns}
-        bench.analyzers[name] = RotatingAnalyzer(axes.get("polarizer"), axes.get("retarder"), name=name, slots=slots)
+        axes = {element: bench.axes[self.role(element)] for element in self.turns}
+        self.give(name, bench, RotatingAnalyzer(axes.get("polarizer"), axes.get("retarder"), name=name, slots=slots))
+
+    def give(self, name: str, bench: Connecting, driven: RotatingAnalyzer) -> None:
+        """Take the connected device's place on the bench."""
+        bench.analyzers[name] = driven
 
     def unlike(self, simulated: SimulatedDevice) -> Iterator[SectionFault]:
         """Whether the same elements turn, and both have a retarder or none."""

@@ -20,7 +20,16 @@ class ModbusController(Unit, Device, Protocol):
     """A unit that also answers on a serial line of its own."""
 
 
-AxisRole = Literal["source_arm", "detector_arm", "sample_azimuth", "detector_azimuth", "polarizer", "retarder"]
+AxisRole = Literal[
+    "source_arm",
+    "detector_arm",
+    "sample_azimuth",
+    "detector_azimuth",
+    "polarizer",
+    "retarder",
+    "generator_polarizer",
+    "generator_retarder",
+]
 Slot = Literal["open", "blocked"] | Annotated[float, Field(ge=-180, le=180)]
 
 
@@ -28,7 +37,7 @@ class SimulatedDevice(ScenePart, ABC):
     """A device; a subclass names its family in `type`, a literal with one value."""
 
     part: ClassVar[str]
-    """What it does on the bench: "axes", "analyzer" or "detector"."""
+    """What it does on the bench: "axes", "analyzer", "generator" or "detector"."""
 
     type: str
     line: str | None = Field(

@@ -10,6 +10,7 @@ from sim_devices.bench_devices.entry import SimulatedDevice
 from sim_devices.bench_devices.newport_esp301 import NewportEsp301Device
 from sim_devices.bench_devices.offers import names_of, offers
 from sim_devices.bench_devices.oriental_az import OrientalAzDevice
+from sim_devices.bench_devices.rotating_generator import RotatingGeneratorDevice
 from sim_devices.bench_devices.rotating_polarizer import RotatingPolarizerDevice
 from sim_devices.bench_devices.smc_lec import SmcLecDevice
 from sim_devices.bench_devices.stanford_sr830 import StanfordSr830Device
@@ -24,6 +25,7 @@ GROUP = "goniometer.sim_devices"
 _OWN: tuple[type[SimulatedDevice], ...] = (
     NewportEsp301Device,
     OrientalAzDevice,
+    RotatingGeneratorDevice,
     RotatingPolarizerDevice,
     SmcLecDevice,
     StanfordSr830Device,

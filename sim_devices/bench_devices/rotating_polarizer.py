@@ -40,16 +40,16 @@ class RotatingPolarizerDevice(SimulatedDevice):
 
     def install(self, world: World) -> None:
         """Put polarizer and retarder into the beam."""
-        polarizer_deg = _where(world, "polarizer", self.polarizer_deg)
+        polarizer_deg = where(world, "polarizer", self.polarizer_deg)
         if self.retardance_deg is None:
             world.analyzer = RotatingPolarizer(polarizer_deg)
         else:
-            retarder_deg = _where(world, "retarder", self.retarder_deg)
+            retarder_deg = where(world, "retarder", self.retarder_deg)
             world.analyzer = RotatingPolarizer(polarizer_deg, retarder_deg, self.retardance_deg)
 
 
-def _where(world: World, role: str, fixed_deg: float | None) -> AngleOfTime:
-    """Where an element stands at a time."""
+def where(world: World, role: str, fixed_deg: float | None) -> AngleOfTime:
+    """Where an element stands at a time, in degrees: fixed, or turned by the axis of that role."""
     if fixed_deg is None:
         return world.axes[role].motor_deg
     return lambda time_s: fixed_deg

@@ -9,6 +9,7 @@ from acquisition.earlier import Earlier, steps_of
 from acquisition.engine import Bench, Engine, stopped_afterwards
 from acquisition.events import LinkRestored, ReadingStored
 from acquisition.expand import Step, Target
+from acquisition.generator import GeneratorState
 from acquisition.journal import Journal
 from acquisition.signal_to_noise import as_planned
 from acquisition.time_left import TimeLeft
@@ -202,6 +203,63 @@ def test_a_reading_during_which_the_wheel_was_turned_is_not_stored(bench, clock,
     with pytest.raises(PositionError, match="wheel: slot 4 is in the beam instead of slot 3"):
         engine(bench, clock, journal).run([step(readings=3)])
     assert journal.readings() == ()
+
+
+@pytest.fixture
+def behind_generator(bench, clock):
+    return replace(bench, generator=Device("generator", clock), of_generator=(Device("its rotator", clock),))
+
+
+def polarized_step(generator, **more):
+    return replace(step(**more), target=Target(60.0, 5.0, 10.0, 3, generator=generator), made=GeneratorState(45.0))
+
+
+def test_the_generator_turns_with_all_else_and_its_state_is_stored(behind_generator, clock, journal):
+    engine(behind_generator, clock, journal).run([polarized_step(2, readings=1)])
+    assert clock.now() < 1.0 + 0.25 + 0.03 + 0.05
+    (reading,) = journal.readings()
+    assert (reading.generator_slot, reading.generator) == (2, GeneratorState(45.0))
+    assert behind_generator.generator.place == 2
+
+
+def test_of_two_that_turn_only_what_must_is_sent(behind_generator, clock, journal):
+    engine(behind_generator, clock, journal).run([polarized_step(slot) for slot in (2, 2, 4)])
+    assert behind_generator.generator.sent == [2, 4]
+    assert behind_generator.analyzer.sent == [3]
+
+
+def test_a_generator_turned_by_hand_between_two_readings_ends_the_scan(behind_generator, clock, journal):
+    behind_generator.generator.place = 2
+    behind_generator.generator.turned_by_hand = [2, 2, 2, 4]
+    with pytest.raises(PositionError, match=r"generator: slot 4 is in the beam instead of slot 2.*holds the generator"):
+        engine(behind_generator, clock, journal).run([polarized_step(2, readings=3)])
+    assert len(journal.readings()) == 1
+
+
+def test_a_generator_is_stopped_and_found_again_as_all_else(behind_generator, clock, journal):
+    generator = behind_generator.generator
+
+    def unplug(event):
+        if isinstance(event, ReadingStored) and generator.connects == 0:
+            generator.unplug(for_s=1.0)
+
+    with stopped_afterwards(behind_generator, clock):
+        engine(behind_generator, clock, journal, publish=unplug).run([polarized_step(2), polarized_step(4)])
+    assert [reading.generator_slot for reading in journal.readings()] == [2, 2, 4, 4]
+    assert (generator.connects, generator.stops > 0) == (1, True)
+
+
+def test_a_generator_that_turns_is_stopped_on_every_way_out(behind_generator, clock, journal):
+    with pytest.raises(ScanInterrupted), stopped_afterwards(behind_generator, clock):
+        engine(behind_generator, clock, journal, check=stop_when(clock, 0.5)).run([polarized_step(2)])
+    assert behind_generator.generator.stops == 1
+    assert not behind_generator.generator.is_moving()
+
+
+def test_a_generator_that_does_not_know_its_home_ends_the_scan(behind_generator, clock, journal):
+    behind_generator.of_generator[0].knows_home = False
+    with pytest.raises(DeviceFaultError, match="its rotator"):
+        engine(behind_generator, clock, journal).home()
 
 
 @pytest.mark.parametrize("role", ["source_arm", "detector_arm", "sample_azimuth"])

@@ -3,6 +3,7 @@
 import itertools
 import shutil
 import sqlite3
+from contextlib import closing
 from dataclasses import astuple, replace
 
 import pytest
@@ -47,6 +48,54 @@ def test_the_retarder_comes_back_too(tmp_path):
         journal.append(taken)
     with Journal.open(tmp_path / "j") as journal:
         assert journal.readings() == (taken,)
+
+
+def test_the_generator_comes_back_too(tmp_path):
+    of_retarder = {"generator_retarder_deg": -15.1, "generator_retardance_deg": 88.5}
+    taken = replace(reading(0), generator_slot=3, generator_deg=0.5, **of_retarder)
+    with Journal.create(tmp_path / "j", ABOUT) as journal:
+        journal.append(taken)
+    with Journal.open(tmp_path / "j") as journal:
+        assert journal.readings() == (taken,)
+        assert type(journal.readings()[0].generator_slot) is int
+
+
+def test_a_journal_from_before_generators_is_read_with_its_interruptions(tmp_path):
+    """As the third format was written: with interruptions, and without the generator's columns."""
+    with Journal.create(tmp_path / "j", ABOUT) as journal:
+        journal.append(reading(3))
+        journal.begin_again("2026-01-31T12:00:00+00:00", "goniometer 1 on a computer")
+    with closing(sqlite3.connect(tmp_path / "j", isolation_level=None)) as connection:
+        for name in ("generator_slot", "generator_deg", "generator_retarder_deg", "generator_retardance_deg"):
+            connection.execute(f"ALTER TABLE readings DROP COLUMN {name}")
+        connection.execute("UPDATE about SET value = '3' WHERE key = 'format'")
+    with Journal.open(tmp_path / "j") as journal:
+        assert journal.readings() == (reading(3),)
+        (interruption,) = journal.interruptions()
+        assert interruption.resumed_with == "goniometer 1 on a computer"
+    with pytest.raises(JournalError, match=r"format 3\), whose journals are read and not written on"):
+        Journal.go_on(tmp_path / "j")
+
+
+def test_a_journal_from_before_generators_is_read_as_without_one(tmp_path):
+    """As the second format was written: the columns up to the retardance."""
+    connection = sqlite3.connect(tmp_path / "j", isolation_level=None)
+    connection.execute("CREATE TABLE about (key TEXT PRIMARY KEY, value TEXT NOT NULL) STRICT")
+    connection.execute(
+        "CREATE TABLE readings (id INTEGER PRIMARY KEY, point INTEGER, kind TEXT, repeat INTEGER, time_s REAL, "
+        "incidence_deg REAL, exit_deg REAL, azimuth_deg REAL, slot INTEGER, analyzer_deg REAL, exposure_s REAL, "
+        "power_w REAL, retarder_deg REAL, retardance_deg REAL, stored_at TEXT NOT NULL DEFAULT 'then') STRICT"
+    )
+    connection.execute("INSERT INTO about VALUES ('format', '2')")
+    old = replace(reading(3), retarder_deg=-15.1, retardance_deg=88.5)
+    connection.execute(
+        "INSERT INTO readings (point, kind, repeat, time_s, incidence_deg, exit_deg, azimuth_deg, slot, analyzer_deg, "
+        "exposure_s, power_w, retarder_deg, retardance_deg) VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)",
+        astuple(old)[:13],
+    )
+    connection.close()
+    with Journal.open(tmp_path / "j") as journal:
+        assert journal.readings() == (old,)
 
 
 def test_a_journal_from_before_retarders_is_read_as_without_one(tmp_path):

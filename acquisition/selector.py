@@ -1,0 +1,53 @@
+"""A device of numbered slots, as a scan left it."""
+
+from __future__ import annotations
+
+from acquisition.protocols import Analyzer
+from goniometer.errors import PositionError
+
+
+class Selector:
+    """Which slot of an analyzer or generator is in the beam, asked as seldom as is safe.
+
+    Parameters
+    ----------
+    device : Analyzer
+        The device.
+    part : str
+        What it is on the bench, for a person.
+    """
+
+    def __init__(self, device: Analyzer, part: str) -> None:
+        self.device, self._part = device, part
+        self._slot: int | None = None
+        self._is_sent = False
+
+    def forget(self) -> None:
+        """Take nothing for granted that the device said before."""
+        self._slot = None
+
+    def arrived(self) -> None:
+        """What was sent has arrived."""
+        self._is_sent = False
+
+    def begin(self, wanted: int) -> bool:
+        """Begin to bring a slot into the beam; False if it is there already and nothing was sent since."""
+        if self._slot is None:
+            self._slot = self.device.slot()
+        if self._slot == wanted and not self._is_sent:
+            return False
+        self._is_sent, self._slot = True, None
+        self.device.start_select(wanted)
+        return True
+
+    def require(self, wanted: int) -> None:
+        """Ask before and after every reading: a wheel can be turned by hand. Raises PositionError."""
+        self._slot = self.device.slot()
+        if self._slot != wanted:
+            raise PositionError(
+                self.device.name,
+                f"{'no slot' if self._slot is None else f'slot {self._slot}'} is in the beam instead of slot {wanted}",
+                not_done="no reading was stored that this may have spoilt",
+                to_do=f"check that nothing holds the {self._part} and that nobody turned it by hand, then run the "
+                "recipe again",
+            )
