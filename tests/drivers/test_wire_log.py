@@ -93,8 +93,9 @@ def test_a_link_that_is_opened_lost_and_opened_again_is_logged_with_the_reasons(
     with pytest.raises(ConnectionError, match="cannot be opened"):
         link.reconnect()
     told = events(tmp_path / "wire.log")
-    gone = "the link on port P is gone (the other end hung up)"
-    assert told[:4] == ["port P is open", gone, "port P is open", gone]
+    hung_up, reset = (f"the link on port P is gone ({why}" for why in ("the other end hung up)", "["))
+    assert told[:3:2] == ["port P is open"] * 2
+    assert all(gone.startswith((hung_up, reset)) for gone in told[1:4:2])  # the system tells of either
     assert told[4].startswith("port P cannot be opened (")
     assert caplog.text == ""  # that it is back is for those to say who find all its devices there
 
