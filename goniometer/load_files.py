@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
+from typing import Any
 
 from acquisition.calibrated_slots import SlotCalibration
 from acquisition.calibration_recipe import CalibrationRecipe
@@ -82,15 +83,12 @@ def load_recipe(path: Path, rig_path: Path | None = None) -> Setup:
     report = Report()
     recipe_file = report.whole(report.read(path, "recipe"))
     recipe = report.validated(recipe_file, Recipe)
-    rig_file = report.read(rig_path, "rig") if rig_path else report.read_named(recipe_file, "rig")
-    rig = report.validated(rig_file, Rig)
-    scene_file, scene = _scene_of(report, recipe_file, rig)
+    bench = _bench_of(report, recipe_file, rig_path)
+    rig_file, rig, scene_file, scene = bench.rig_file, bench.rig, bench.scene_file, bench.scene
     calibration_file = report.read_named(recipe_file, "calibration")
     calibration = report.validated(calibration_file, SlotCalibration)
     if recipe and rig and rig_file:
         report.faults += recipe_on_rig(recipe, recipe_file, rig, rig_file.path)
-    if scene and scene_file and rig and rig_file:
-        report.faults += scene_on_rig(scene, scene_file, rig, rig_file.path)
     if recipe and scene and scene_file:
         report.faults += recipe_on_scene(recipe, recipe_file, scene, scene_file.path)
     now = datetime.now(UTC)
@@ -110,9 +108,7 @@ def load_recipe(path: Path, rig_path: Path | None = None) -> Setup:
         rig=rig,
         rig_path=rig_file.path,
         rig_text=rig_file.text,
-        scene=scene,
-        scene_path=scene_file.path if scene_file else None,
-        scene_text=scene_file.text if scene_file else "",
+        **bench.of_scene(),
         calibration=calibration,
         calibration_text=calibration_file.text if calibration_file else "",
     )
@@ -123,13 +119,10 @@ def load_calibration_recipe(path: Path, rig_path: Path | None = None) -> Calibra
     report = Report()
     recipe_file = report.read(path, "calibration-recipe")
     recipe = report.validated(recipe_file, CalibrationRecipe)
-    rig_file = report.read(rig_path, "rig") if rig_path else report.read_named(recipe_file, "rig")
-    rig = report.validated(rig_file, Rig)
-    scene_file, scene = _scene_of(report, recipe_file, rig)
+    bench = _bench_of(report, recipe_file, rig_path)
+    rig_file, rig, scene_file, scene = bench.rig_file, bench.rig, bench.scene_file, bench.scene
     if recipe and rig and rig_file:
         report.faults += calibration_recipe_on_rig(recipe, recipe_file, rig, rig_file.path)
-    if scene and scene_file and rig and rig_file:
-        report.faults += scene_on_rig(scene, scene_file, rig, rig_file.path)
     if recipe and scene and scene_file:
         report.faults += reference_in_scene(recipe, recipe_file, scene, scene_file.path)
     if report.faults or not (recipe and rig and rig_file):
@@ -141,10 +134,33 @@ def load_calibration_recipe(path: Path, rig_path: Path | None = None) -> Calibra
         rig=rig,
         rig_path=rig_file.path,
         rig_text=rig_file.text,
-        scene=scene,
-        scene_path=scene_file.path if scene_file else None,
-        scene_text=scene_file.text if scene_file else "",
+        **bench.of_scene(),
     )
+
+
+@dataclass(frozen=True)
+class _NamedBench:
+    """The rig and the scene that a recipe names, as far as they could be read."""
+
+    rig_file: YamlFile | None
+    rig: Rig | None
+    scene_file: YamlFile | None
+    scene: Scene | None
+
+    def of_scene(self) -> dict[str, Any]:
+        """What a setup has of the scene."""
+        path, text = (self.scene_file.path, self.scene_file.text) if self.scene_file else (None, "")
+        return {"scene": self.scene, "scene_path": path, "scene_text": text}
+
+
+def _bench_of(report: Report, recipe_file: YamlFile, rig_path: Path | None) -> _NamedBench:
+    """Read the rig and the scene of a recipe, and check them together."""
+    rig_file = report.read(rig_path, "rig") if rig_path else report.read_named(recipe_file, "rig")
+    rig = report.validated(rig_file, Rig)
+    scene_file, scene = _scene_of(report, recipe_file, rig)
+    if scene and scene_file and rig and rig_file:
+        report.faults += scene_on_rig(scene, scene_file, rig, rig_file.path)
+    return _NamedBench(rig_file, rig, scene_file, scene)
 
 
 def _scene_of(report: Report, recipe_file: YamlFile, rig: Rig | None) -> tuple[YamlFile | None, Scene | None]:
