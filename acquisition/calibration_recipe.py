@@ -54,7 +54,7 @@ def calibration_steps(recipe: CalibrationRecipe, slots: Slots, timing: BenchTimi
         stops = tuple(_stops(slots))
         for slot, kind, state in (*stops, *stops[::-1]):
             here = steps[-1].target if steps else HOME
-            there = Target(incidence_deg, exit_deg, 0.0, slot)
+            there = Target(incidence_deg, exit_deg, 0.0, slot, filter_slot=slots.filter_slot)
             duration_s = moving_s(here, there) + timing.readings_s(recipe.readings, recipe.exposure_s)
             steps.append(
                 Step(

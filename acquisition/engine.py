@@ -13,6 +13,7 @@ from acquisition.control import ScanControl
 from acquisition.earlier import Earlier
 from acquisition.events import Event, LinkRestored, ReadingStored, StepStarted
 from acquisition.expand import Step, Target
+from acquisition.filters import Filters
 from acquisition.journal import LINK_LOST, Journal
 from acquisition.lost_links import LostLinks
 from acquisition.orders import Orders
@@ -43,7 +44,8 @@ class Bench:
     say of themselves, with their serial numbers, where they have any. `position_retries` says by role how often an axis
     is sent again that has not come close enough to its target. `detector_azimuth` carries the detector arm out of the
     plane of incidence, None where nothing does. `generator` polarizes the light on the sample, None where it is
-    unpolarized; `of_generator` are the axes that turn it.
+    unpolarized; `of_generator` are the axes that turn it. `filters` choose the wavelength, None where the light has one
+    of its own.
     """
 
     source_arm: HomingAxis
@@ -61,6 +63,7 @@ class Bench:
     detector_azimuth: HomingAxis | None = None
     generator: Analyzer | None = None
     of_generator: tuple[HomingAxis, ...] = ()
+    filters: Filters | None = None
 
     @property
     def axes(self) -> dict[str, HomingAxis]:
@@ -74,8 +77,9 @@ class Bench:
 
     @property
     def selectors(self) -> tuple[Analyzer, ...]:
-        """What has numbered slots: the analyzer, and the generator where there is one."""
-        return (self.analyzer,) if self.generator is None else (self.analyzer, self.generator)
+        """What has numbered slots: the analyzer, and those of generator and filters that there are."""
+        filters = None if self.filters is None else self.filters.wheel
+        return tuple(device for device in (self.analyzer, self.generator, filters) if device is not None)
 
     def order(self, targets_deg: Mapping[str, float]) -> tuple[tuple[str, ...], ...]:
         """The roles that move together, in turn; raises CollisionError when there is no safe way."""

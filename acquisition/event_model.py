@@ -24,7 +24,15 @@ if TYPE_CHECKING:
 Document = tuple[str, dict[str, Any]]
 """A document's kind, and the document."""
 
-_UNITS = {"deg": "deg", "s": "s", "w": "W", "stokes": "1/sr", "mueller": "1/sr", "covariance": "1/sr^2"}
+_UNITS = {
+    "deg": "deg",
+    "nm": "nm",
+    "s": "s",
+    "w": "W",
+    "stokes": "1/sr",
+    "mueller": "1/sr",
+    "covariance": "1/sr^2",
+}
 """Units by the ends of names, or by whole names."""
 
 
@@ -114,13 +122,18 @@ def _dimensions(recipe: Recipe) -> list[list[Any]]:
     """Along what the readings lie: an angle each that a product varies, or all of them for a list of points."""
     if recipe.has_points:
         out_of_plane = ["exit_azimuth_deg"] if recipe.directions_deg()[:, 3].any() else []
-        return [[["incidence_deg", "exit_deg", "azimuth_deg", *out_of_plane], "primary"]]
+        return [*_wavelengths(recipe), [["incidence_deg", "exit_deg", "azimuth_deg", *out_of_plane], "primary"]]
     varying = {
         "incidence_deg": len(recipe.incidences_deg()) > 1,
         "azimuth_deg": len(recipe.azimuths_deg()) > 1,
         "exit_azimuth_deg": len(recipe.exit_azimuths_deg()) > 1,
     }
-    return [[[name], "primary"] for name in (*(name for name in varying if varying[name]), "exit_deg")]
+    angles = (*(name for name in varying if varying[name]), "exit_deg")
+    return [*_wavelengths(recipe), *([[name], "primary"] for name in angles)]
+
+
+def _wavelengths(recipe: Recipe) -> list[list[Any]]:
+    return [[["wavelength_nm"], "primary"]] if len(recipe.wavelengths_nm()) > 1 else []
 
 
 def write_documents(path: Path, of_run: Iterable[Document]) -> None:

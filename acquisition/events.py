@@ -211,6 +211,26 @@ class DirectionChosen:
 
 
 @dataclass(frozen=True)
+class WavelengthChanged:
+    """A scan at several wavelengths goes on at this one; `truth` are the parameters of a simulated sample there."""
+
+    wavelength_nm: float
+    truth: dict[str, float]
+
+
+@dataclass(frozen=True)
+class SpectrumFitted:
+    """A scan at several wavelengths is over, and each has been fitted by itself: None where it could not be.
+
+    `truths` are the parameters of a simulated sample at each.
+    """
+
+    wavelengths_nm: tuple[float, ...]
+    results: tuple[FitResult | None, ...]
+    truths: tuple[dict[str, float], ...]
+
+
+@dataclass(frozen=True)
 class ScanDoubted:
     """The scan is about to end, and a person should know this of its light before believing in its points."""
 
@@ -246,6 +266,8 @@ Event = (
     | FitUpdated
     | FitRefused
     | DirectionChosen
+    | WavelengthChanged
+    | SpectrumFitted
     | ScanDoubted
     | ScanEnded
 )

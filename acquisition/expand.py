@@ -35,15 +35,15 @@ class Direction:
     azimuth_deg: float
     exit_azimuth_deg: float
     readings: int
+    filter_slot: int | None = None
 
     def through(self, stop: Stop) -> Target:
         """Where the bench stands for it, with slots of analyzer and generator in the beam."""
-        return Target(
-            self.incidence_deg, self.exit_deg, self.azimuth_deg, stop.slot, self.exit_azimuth_deg, stop.generator
-        )
+        where_deg = self.incidence_deg, self.exit_deg, self.azimuth_deg
+        return Target(*where_deg, stop.slot, self.exit_azimuth_deg, stop.generator, self.filter_slot)
 
 
-def expand(recipe: Recipe, slots: Slots, timing: BenchTiming) -> tuple[Step, ...]:
+def expand(recipe: Recipe, slots: Slots, timing: BenchTiming, here: Target = HOME) -> tuple[Step, ...]:
     """Turn a recipe into its steps, in the order that takes the least time.
 
     A single axis takes the directions as it comes by, upwards or downwards as the recipe does; where several axes move,
@@ -58,6 +58,8 @@ def expand(recipe: Recipe, slots: Slots, timing: BenchTiming) -> tuple[Step, ...
         What the rig's analyzer holds.
     timing : BenchTiming
         Speeds of the rig, from which every step's duration follows.
+    here : Target
+        Where the bench stands before; from elsewhere than home, an order may as well begin with its end.
 
     Returns
     -------
@@ -69,7 +71,9 @@ def expand(recipe: Recipe, slots: Slots, timing: BenchTiming) -> tuple[Step, ...
     listed, ways = _Listed(recipe, slots, timing), Ways(timing, Moving(timing))
     angles_deg = recipe.directions_deg()
     orders = routes(angles_deg, ways)
-    found = [tuple(listed.steps(order)) for order in orders]
+    if here != HOME:
+        orders = [turned for order in orders for turned in (order, order[::-1])]
+    found = [tuple(listed.steps(order, here)) for order in orders]
     if len(found) == 1:
         return found[0]
     blocked = [ways.blocked(angles_deg[order]) for order in orders]
@@ -109,13 +113,12 @@ class _Listed:
         self._taking_s = {readings: timing.readings_s(readings, recipe.exposure_s) for readings in counts}
         places = zip(recipe.directions_deg().tolist(), recipe.readings_of_directions(), strict=True)
         self._directions = [
-            Direction(point, incidence_deg, exit_deg, azimuth_deg, exit_azimuth_deg, readings)
+            Direction(point, incidence_deg, exit_deg, azimuth_deg, exit_azimuth_deg, readings, slots.filter_slot)
             for point, ((incidence_deg, exit_deg, azimuth_deg, exit_azimuth_deg), readings) in enumerate(places)
         ]
 
-    def steps(self, order: Order) -> Iterator[Step]:
+    def steps(self, order: Order, here: Target = HOME) -> Iterator[Step]:
         """The steps in this order, and then back again for every repeat."""
-        here = HOME
         way = self._way(order)
         for cycle in range(self._recipe.repeats):
             for step in self._cycle(way, here):
@@ -174,6 +177,7 @@ class _Listed:
                     *(direction.point, kind, here, state.polarizer_deg, direction.readings, exposure_s, duration_s),
                     *(state.retarder_deg, state.retardance_deg, reading_s),
                     made=stop.made,
+                    wavelength_nm=recipe.one_wavelength_nm,
                 )
                 moving_s = next_s
             block, taking_s = block.turned(), taking_s[::-1]

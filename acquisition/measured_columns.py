@@ -22,8 +22,9 @@ DOLP = ("dolp",)
 ELLIPSOMETRIC = ("psi_deg", "delta_deg")
 KINDS = {"Stokes": STOKES, "Mueller": MUELLER, "DoLP": DOLP, "psi": ELLIPSOMETRIC}
 
-_NOT_FITTED = ("point", "azimuth_deg")
-"""Of a run's own table: the number of a direction, and the turn of the sample, which isotropic surfaces do not show."""
+_NOT_FITTED = ("point", "azimuth_deg", "wavelength_nm")
+"""Of a run's own table: the number of a direction, the turn of the sample, which isotropic surfaces do not show, and
+the wavelength, of which there is one in a fit."""
 _FROM_STOKES = (
     *("dolp", "dolp_debiased", "dolp_stderr", "aolp_deg", "aolp_stderr_deg"),
     *("docp", "docp_stderr", "dop", "dop_stderr"),

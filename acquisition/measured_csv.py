@@ -52,6 +52,9 @@ def read_measured_csv(path: Path) -> Dataset:
     kind, picked = picked_values(table)
     check_values(table, kind, picked)
     covariance = _covariance(table, picked)
+    if "wavelength_nm" in table.columns and np.ptp(table.columns["wavelength_nm"]) > 0.0:
+        what = "column wavelength_nm holds several, and a surface has one refractive index in a fit; leave one"
+        table.add(table.header_line, what)
     table.check()
     given = table.columns
     # Ellipsometry is done in the mirror direction where nobody says otherwise.

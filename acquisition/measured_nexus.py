@@ -67,6 +67,11 @@ def _data(file: h5py.File, path: Path) -> Dataset:
             f"{path}: the arrays of {_POINTS} differ in length, or its covariance, of shape {covariance.shape}, is not "
             f"{expected}. Nothing was fitted. Write the file again from the run: goniometer fit RUN"
         )
+    if f"{_POINTS}/wavelength" in file and np.ptp(_numbers(file, "wavelength", "nm", 1, path)) > 0.0:
+        raise FitError(
+            f"{path} holds several wavelengths, and a surface has one refractive index in a fit. Nothing was fitted. "
+            "Fit the run itself, or a table (.csv) with the rows of one wavelength."
+        )
     observable = Elements(tuple(range(count)))
     exit_azimuth_deg = np.zeros(rows)
     if f"{_POINTS}/exit_azimuth" in file:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from acquisition.settings_tour import change_s
 from acquisition.steps import Target
-from acquisition.timing import CONFIRM_S, BenchTiming
+from acquisition.timing import CONFIRM_S, FIRST_SLOT, BenchTiming
 
 
 class Moving:
@@ -28,7 +28,7 @@ class Moving:
         if self._timing.zones and (incidence_deg or azimuth_deg or exit_azimuth_deg):
             return _moving_s(here, there, self._timing)
         exit_deg = round(there.exit_deg - here.exit_deg, 9)
-        slots = here.slot, there.slot, here.generator, there.generator
+        slots = here.slot, there.slot, here.generator, there.generator, here.filter_slot, there.filter_slot
         key = (incidence_deg, exit_deg, azimuth_deg, exit_azimuth_deg, *slots)
         known_s = self._known_s.get(key)
         if known_s is None:
@@ -43,6 +43,11 @@ def _moving_s(here: Target, there: Target, timing: BenchTiming) -> float:
     moving_s = timing.axes_s(here_deg, there_deg) + sum(axis.start_s + axis.exchange_s for axis in going)
     turning_s, settling_s = change_s(timing, (here.slot, here.generator), (there.slot, there.generator))
     moving_s, settles_s = max(moving_s, turning_s), [*settles_s, settling_s]
+    if timing.filter is not None and there.filter_slot is not None:
+        begin = here.filter_slot or FIRST_SLOT
+        if begin != there.filter_slot:
+            moving_s = max(moving_s, timing.filter.move_s(begin, there.filter_slot))
+            settles_s.append(timing.filter.settle_s)
     if going:
         moving_s -= CONFIRM_S
     return moving_s + max(settles_s, default=0.0)

@@ -45,14 +45,16 @@ def write_mueller_csv(path: Path, points: Sequence[MuellerPoint]) -> None:
     with written_whole(path) as part, part.open("w", encoding="utf-8", newline="") as file:
         file.write(_CONVENTIONS)
         out_of_plane = any(point.exit_azimuth_deg is not None for point in points)
-        angles = ["incidence_deg", "exit_deg", "azimuth_deg"]
+        where_columns = ["incidence_deg", "exit_deg", "azimuth_deg"]
         if out_of_plane:
             file.write(CONVENTIONS_OUT_OF_PLANE)
-            angles.append(EXIT_AZIMUTH)
+            where_columns.append(EXIT_AZIMUTH)
+        if any(point.wavelength_nm is not None for point in points):
+            where_columns.append("wavelength_nm")
         writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(["point", *angles, *names, *map(stderr_of, names), *covariances])
+        writer.writerow(["point", *where_columns, *names, *map(stderr_of, names), *covariances])
         for point in points:
             elements, covariance = point.mueller.ravel(), point.mueller_covariance
-            where = [point.point, *(getattr(point, angle) for angle in angles)]
+            where = [point.point, *(getattr(point, name) for name in where_columns)]
             stderr = np.sqrt(np.diagonal(covariance))
             writer.writerow([*where, *elements.tolist(), *stderr.tolist(), *covariance.ravel().tolist()])

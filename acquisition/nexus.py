@@ -10,6 +10,7 @@ from __future__ import annotations
 import importlib.metadata
 import re
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -21,6 +22,7 @@ from acquisition.nexus_definition import declare_definition, write_beam
 from acquisition.nexus_fields import EXIT_AZIMUTH
 from acquisition.nexus_fields import field as _field
 from acquisition.nexus_fields import group as _group
+from acquisition.nexus_fields import where as _where
 from acquisition.nexus_mueller import write_generator, write_mueller
 from acquisition.readings import Reading, StokesPoint
 from acquisition.reduce import NoiseModel
@@ -66,7 +68,7 @@ def write_nexus(
     fit : FitResult or None
         The fit of these points; its fitted Stokes parameters must be as many as `points`.
     noise : NoiseModel
-        The detector's, for the errors of the raw readings.
+        The detector's, for the errors of the raw readings; those at another wavelength have the photons of theirs.
     provenance : mapping of str to str
         Texts to keep with the data: recipe, rig, scene, versions, seed. `started` is needed to declare the definition.
 
@@ -128,7 +130,14 @@ def _write_instrument(entry: h5py.Group, readings: Sequence[Reading], noise: Noi
 
     power_w, exposure_s = (np.array(column(value)) for value in (lambda one: one.power_w, lambda one: one.exposure_s))
     _field(raw, "raw", power_w, "W", "optical power")
-    _field(raw, "raw_errors", np.sqrt(noise.variance(power_w, exposure_s)), "W", "noise of the detector and of photons")
+    wavelength_nm = np.array(column(lambda one: one.wavelength_nm or noise.wavelength_nm))
+    errors_w, listed_nm = np.empty_like(power_w), np.unique(wavelength_nm)
+    for one_nm in listed_nm.tolist():
+        rows = wavelength_nm == one_nm
+        errors_w[rows] = np.sqrt(replace(noise, wavelength_nm=one_nm).variance(power_w[rows], exposure_s[rows]))
+    _field(raw, "raw_errors", errors_w, "W", "noise of the detector and of photons")
+    if len(listed_nm) > 1:
+        _field(raw, "wavelength", wavelength_nm, "nm")
     _field(raw, "time", column(lambda reading: reading.time_s), "s", "time on the bench's clock")
     _field(raw, "exposure", exposure_s, "s")
     _field(raw, "incidence_angle", column(lambda reading: reading.incidence_deg), "deg")
@@ -153,7 +162,7 @@ def _write_instrument(entry: h5py.Group, readings: Sequence[Reading], noise: Noi
     raw["kind"] = [str(reading.kind) for reading in readings]
     for name in raw:
         raw.attrs[f"{name}_indices"] = 0
-    write_beam(instrument, noise.wavelength_nm)
+    write_beam(instrument, listed_nm if len(listed_nm) > 1 else noise.wavelength_nm)
 
 
 def _write_points(entry: h5py.Group, points: Sequence[StokesPoint]) -> None:
@@ -197,15 +206,7 @@ def _plot(
     group.attrs.update(signal=signal, axes=["exit_angle"])
     if others:
         group.attrs["auxiliary_signals"] = list(others)
-    _field(group, "exit_angle", [point.exit_deg for point in points], "deg", "signed exit angle")
-    _field(group, "incidence_angle", [point.incidence_deg for point in points], "deg")
-    _field(group, "sample_azimuth", [point.azimuth_deg for point in points], "deg")
-    axes = ["exit_angle", "incidence_angle", "sample_azimuth"]
-    if any(point.exit_azimuth_deg is not None for point in points):
-        _field(group, "exit_azimuth", [point.exit_azimuth_deg or 0.0 for point in points], "deg", EXIT_AZIMUTH)
-        axes.append("exit_azimuth")
-    for axis in axes:
-        group.attrs[f"{axis}_indices"] = 0
+    _where(group, points)
     return group
 
 

@@ -8,6 +8,9 @@ from __future__ import annotations
 import importlib.metadata
 from typing import TYPE_CHECKING
 
+import numpy as np
+from numpy.typing import NDArray
+
 from acquisition.nexus_fields import field, group
 
 if TYPE_CHECKING:
@@ -40,15 +43,15 @@ def declare_definition(entry: h5py.Group, started: str) -> None:
     entry["experiment_type"].attrs["custom"] = True  # it is none of those that the definition lists
 
 
-def write_beam(instrument: h5py.Group, wavelength_nm: float) -> None:
+def write_beam(instrument: h5py.Group, wavelength_nm: float | NDArray[np.float64]) -> None:
     """Write the beam that falls on the sample and the program that took the readings; name the angles of the raw data.
 
     Parameters
     ----------
     instrument : h5py.Group
         With its lamp and its detector's raw data.
-    wavelength_nm : float
-        As the recipe states it.
+    wavelength_nm : float or ndarray
+        As the recipe states it; several in ascending order.
     """
     beam = group(instrument, "beam_lamp", "NXbeam")
     beam["parameter_reliability"] = "nominal"

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from acquisition.mueller_point import lowest_eigenvalue
-from acquisition.nexus_fields import EXIT_AZIMUTH, field
+from acquisition.nexus_fields import field, where
 from acquisition.nexus_fields import group as add_group
 from acquisition.readings import MuellerPoint, Reading, StokesPoint
 
@@ -57,13 +57,7 @@ def write_mueller(entry: h5py.Group, points: Sequence[StokesPoint]) -> None:
     field(group, "M", [point.mueller for point in measured], "1/sr", "Mueller matrix per unit irradiance")
     field(group, "M_errors", stderr, "1/sr")
     field(group, "covariance", covariance, "1/sr^2", "covariance matrix of the elements, row by row")
-    field(group, "exit_angle", [point.exit_deg for point in measured], "deg", "signed exit angle")
-    field(group, "incidence_angle", [point.incidence_deg for point in measured], "deg")
-    field(group, "sample_azimuth", [point.azimuth_deg for point in measured], "deg")
-    axes = ["exit_angle", "incidence_angle", "sample_azimuth"]
-    if any(point.exit_azimuth_deg is not None for point in measured):
-        field(group, "exit_azimuth", [point.exit_azimuth_deg or 0.0 for point in measured], "deg", EXIT_AZIMUTH)
-        axes.append("exit_azimuth")
+    where(group, measured)
     field(group, "row", np.arange(rows), _DIMENSIONLESS, "Stokes parameter of the light that leaves the sample")
     field(group, "column", np.arange(columns), _DIMENSIONLESS, "Stokes parameter of the light on the sample")
     if (rows, columns) == (4, 4):
@@ -71,6 +65,4 @@ def write_mueller(entry: h5py.Group, points: Sequence[StokesPoint]) -> None:
         what = "smallest eigenvalue of the coherency matrix, not below 0 but by noise"
         field(group, "lowest_eigenvalue", lowest[:, 0], "1/sr", what)
         field(group, "lowest_eigenvalue_errors", lowest[:, 1], "1/sr")
-    for axis in axes:
-        group.attrs[f"{axis}_indices"] = 0
     group.attrs["row_indices"], group.attrs["column_indices"] = 1, 2

@@ -67,7 +67,7 @@ class Pipeline:
         if self._live_fit is not None and (news := self._live_fit.news()) is not None:
             self._tell(news)
         if isinstance(event, ScanEnded):
-            self._tell_doubts()
+            self.tell_doubts()
         self._tell(event)
         if isinstance(event, WentOn) and event.suspended is not None:
             self._leave_spoilt_out(event.suspended)
@@ -99,7 +99,8 @@ class Pipeline:
         self._lamp_level()
         self._lamp.end_point(point)
 
-    def _tell_doubts(self) -> None:
+    def tell_doubts(self) -> None:
+        """Tell what a person should know of the light so far before believing in the points."""
         try:
             doubts = self._reduction.warnings(self._lamp.in_question(), self.points)
         except ReductionError:

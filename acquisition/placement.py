@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 from acquisition.events import AxisSentAgain
 from acquisition.expand import Target
+from acquisition.filters import ToldWavelength
 from acquisition.protocols import Analyzer, RotaryAxis
 from acquisition.selector import Selector
 from acquisition.timing import DUE_POLL_S, POLL_S
@@ -60,6 +61,8 @@ class Placement:
         self._seen_deg: tuple[dict[str, float], float] | None = None
         self._analyzer = Selector(bench.analyzer, "analyzer")
         self._generator = None if bench.generator is None else Selector(bench.generator, "generator")
+        self._filters = None if bench.filters is None else bench.filters.selector()
+        self._told = None if bench.filters is None else ToldWavelength(bench.filters, bench.detector)
         self._at: Target | None = None
         self._way: _Way | None = None
         self._sent_again: Counter[str] = Counter()
@@ -67,9 +70,11 @@ class Placement:
     def leave(self) -> None:
         """Take nothing for granted: `arrive` asks every device again where it stands."""
         self._at = self._way = self._seen_deg = None
-        for selector in (self._analyzer, self._generator):
+        for selector in (self._analyzer, self._generator, self._filters):
             if selector is not None:
                 selector.forget()
+        if self._told is not None:
+            self._told.forget()
 
     def depart(self, target: Target) -> None:
         """Begin to bring the axes to a target; analyzer and generator stay, to be asked still.
@@ -109,11 +114,13 @@ class Placement:
             self.depart(target)
         assert self._way is not None, "it has departed"
         self._at, way = None, self._way
-        for selector, slot in self._selected(target.slot, target.generator):
+        for selector, slot in self._selected(target):
             if selector.begin(slot):
                 way.moving.append(selector.device)
         self._end(way)
-        self.require_slots(target.slot, target.generator)
+        if self._told is not None and target.filter_slot is not None:
+            self._told.tell(target.filter_slot)
+        self.require_slots(target)
         self._wait(max(way.settled_s - self._clock.now(), 0.0))
         self._at = target
 
@@ -125,9 +132,9 @@ class Placement:
         self._seen_deg = None
         return self._still_there_deg()
 
-    def require_slots(self, analyzer: int, generator: int | None) -> None:
-        """Ask analyzer and generator which slots are in the beam; raises PositionError when others are."""
-        for selector, slot in self._selected(analyzer, generator):
+    def require_slots(self, target: Target) -> None:
+        """Ask analyzer, generator and filters which slots are in the beam; raises PositionError when others are."""
+        for selector, slot in self._selected(target):
             selector.require(slot)
 
     def read_back(self, *, anew: bool) -> tuple[float, ...]:
@@ -169,7 +176,7 @@ class Placement:
         self._left_deg, self._seen_deg = targets_deg, (positions_deg, asked_s)
         self._sent.clear()
         self._sent_again.clear()
-        for selector, _ in self._selected(self._at.slot, self._at.generator):
+        for selector, _ in self._selected(self._at):
             selector.arrived()
         return tuple(positions_deg[role] for role in targets_deg)
 
@@ -192,11 +199,12 @@ class Placement:
         self._at = self._seen_deg = None
         raise Astray(AxisSentAgain(axis.name, positions_deg[role], target_deg, self._sent_again[role], most))
 
-    def _selected(self, analyzer: int, generator: int | None) -> Iterator[tuple[Selector, int]]:
-        yield self._analyzer, analyzer
-        if generator is not None:
-            assert self._generator is not None, "a recipe for a generator is only accepted on a bench with one"
-            yield self._generator, generator
+    def _selected(self, target: Target) -> Iterator[tuple[Selector, int]]:
+        yield self._analyzer, target.slot
+        for selector, slot in ((self._generator, target.generator), (self._filters, target.filter_slot)):
+            if slot is not None:
+                assert selector is not None, "a recipe is only accepted on a bench that has what it names"
+                yield selector, slot
 
     def _still_there_deg(self) -> dict[str, float]:
         positions_deg, _ = self._positions_deg()

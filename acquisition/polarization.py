@@ -48,6 +48,7 @@ def stokes_point(reading: Reading, stokes: NDArray[np.float64], covariance: NDAr
         exit_deg=reading.exit_deg,
         azimuth_deg=reading.azimuth_deg,
         exit_azimuth_deg=reading.exit_azimuth_deg,
+        wavelength_nm=reading.wavelength_nm,
         stokes=stokes,
         covariance=covariance,
         dolp=dolp,

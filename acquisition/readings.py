@@ -23,7 +23,7 @@ class Reading:
     `retardance_deg` are the fast axis and the retardance of a retarder before the polarizer, None without one.
     `exit_azimuth_deg` is the detector arm's turn out of the plane of incidence, None on a bench that cannot turn it.
     Those of the generator say of the light on the sample what those of the analyzer say of the reflected one, None
-    where it is unpolarized.
+    where it is unpolarized. `wavelength_nm` is that of the light, None in journals from before it was stored.
     """
 
     point: int
@@ -44,6 +44,7 @@ class Reading:
     generator_deg: float | None = None
     generator_retarder_deg: float | None = None
     generator_retardance_deg: float | None = None
+    wavelength_nm: float | None = None
 
     @property
     def generator(self) -> GeneratorState:
@@ -65,7 +66,8 @@ class StokesPoint:
     s-direction. `docp`, which is S3/S0 with its sign, and the degree of polarization `dop`, linear and circular
     together, are None where S3 was not measured. `is_contradictory` says that some of its
     readings are dark where the others say that there is light. `exit_azimuth_deg` is as in its readings; the
-    s-direction is perpendicular to the surface normal and to the way to the detector.
+    s-direction is perpendicular to the surface normal and to the way to the detector. `wavelength_nm` is that of the
+    light, None where nobody says so.
     """
 
     point: int
@@ -85,6 +87,7 @@ class StokesPoint:
     dop_stderr: float | None = None
     is_contradictory: bool = False
     exit_azimuth_deg: float | None = None
+    wavelength_nm: float | None = None
 
     @property
     def has_s3(self) -> bool:

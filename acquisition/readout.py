@@ -107,7 +107,7 @@ class Readout:
         for repeat in range(len(self._powers_w), step.readings):
             if self._orders.are_waiting:
                 if taken is not None:
-                    self._keep(taken)
+                    self._keep(step, taken)
                     taken = None
                 self._orders.carry_out(step)
                 if self._orders.leaves_out(step):
@@ -115,7 +115,7 @@ class Readout:
             time_s = self._clock.now()
             step = self._orders.start_reading(self._detector, self._orders.as_ordered(step))
             if taken is not None:
-                self._keep(taken)
+                self._keep(step, taken)
             is_last = repeat == step.readings - 1
             angles_deg = self._expose(time_s, step.exposure_s, anew=is_last)
             leaves = after is not None and is_last and not self._orders.are_waiting
@@ -129,14 +129,14 @@ class Readout:
                 failure = self._departure(after)
             if failure is not None:
                 if taken is not None:
-                    self._keep(taken)
+                    self._keep(step, taken)
                 raise failure
             if taken is None:
                 return
             if is_enough:
                 break
         if taken is not None:
-            self._keep(taken)
+            self._keep(step, taken)
         if not leaves and self._orders.are_waiting:
             self._orders.carry_out(step)
 
@@ -183,9 +183,9 @@ class Readout:
             self._wait(READING_POLL_S)
         return is_again
 
-    def _keep(self, reading: Reading) -> None:
-        """Keep a reading, unless analyzer or generator has left its slot."""
-        self._placement.require_slots(reading.slot, reading.generator_slot)
+    def _keep(self, step: Step, reading: Reading) -> None:
+        """Keep a reading, unless analyzer, generator or filters have left their slots."""
+        self._placement.require_slots(step.target)
         self._keep_reading(reading)
         self._powers_w.append(reading.power_w)
 
@@ -211,4 +211,5 @@ def _reading(step: Step, repeat: int, time_s: float, angles_deg: tuple[float, ..
         generator_deg=step.made.polarizer_deg,
         generator_retarder_deg=step.made.retarder_deg,
         generator_retardance_deg=step.made.retardance_deg,
+        wavelength_nm=step.wavelength_nm,
     )

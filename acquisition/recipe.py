@@ -21,6 +21,7 @@ from acquisition.lamp_level import LARGEST_CHANGE
 from acquisition.recipe_directions import RecipeDirections
 from acquisition.section import Section, SectionFault, refuse_all
 from acquisition.suspend import Suspend
+from acquisition.wavelengths import Wavelengths, wavelength_faults
 
 AnalyzerAngle = Annotated[float, Field(ge=-360, le=360)]
 
@@ -74,7 +75,9 @@ class Recipe(RecipeDirections):
         description="scene file that a simulated rig holds; a relative path starts at this file's folder; "
         "not used on real devices",
     )
-    wavelength_nm: float = Field(ge=200, le=2500, description="wavelength of the light, in nm")
+    wavelength_nm: Wavelengths = Field(
+        description="wavelength of the light, in nm; or several, as a list of those of the rig's filters"
+    )
     retarder_deg: Annotated[tuple[AnalyzerAngle, ...], Field(strict=False)] | None = Field(
         default=None,
         description="one angle of the retarder's fast axis for each of analyzer_deg, in degrees, as the rig's slots "
@@ -212,9 +215,28 @@ class Recipe(RecipeDirections):
         return self
 
     @model_validator(mode="after")
+    def _check_wavelengths(self) -> Self:
+        refuse_all(wavelength_faults(self))
+        return self
+
+    @model_validator(mode="after")
     def _check_steering(self) -> Self:
         refuse_all([*self._limit_faults(), *self._plane_faults(), *self._until_faults(), *self._adaptive_faults()])
         return self
+
+    def wavelengths_nm(self) -> tuple[float, ...]:
+        """The wavelengths in nm, as they are listed."""
+        return self.wavelength_nm if isinstance(self.wavelength_nm, tuple) else (self.wavelength_nm,)
+
+    def at_wavelength(self, wavelength_nm: float) -> Self:
+        """The same with one of its wavelengths alone."""
+        return self.model_copy(update={"wavelength_nm": wavelength_nm})
+
+    @property
+    def one_wavelength_nm(self) -> float:
+        """The wavelength in nm, of a recipe that has only one."""
+        (wavelength_nm,) = self.wavelengths_nm()
+        return wavelength_nm
 
     @property
     def is_steered(self) -> bool:

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 from acquisition.protocols import Analyzer
 from goniometer.errors import PositionError
 
 
 class Selector:
-    """Which slot of an analyzer or generator is in the beam, asked as seldom as is safe.
+    """Which slot of an analyzer, a generator or a wheel of filters is in the beam, asked as seldom as is safe.
 
     Parameters
     ----------
@@ -15,10 +17,12 @@ class Selector:
         The device.
     part : str
         What it is on the bench, for a person.
+    held : mapping of int to str, optional
+        What a person knows its slots by, where not by their numbers; the others hold nothing.
     """
 
-    def __init__(self, device: Analyzer, part: str) -> None:
-        self.device, self._part = device, part
+    def __init__(self, device: Analyzer, part: str, held: Mapping[int, str] | None = None) -> None:
+        self.device, self._part, self._held = device, part, held
         self._slot: int | None = None
         self._is_sent = False
 
@@ -46,8 +50,13 @@ class Selector:
         if self._slot != wanted:
             raise PositionError(
                 self.device.name,
-                f"{'no slot' if self._slot is None else f'slot {self._slot}'} is in the beam instead of slot {wanted}",
+                f"{self._named(self._slot)} is in the beam instead of {self._named(wanted)}",
                 not_done="no reading was stored that this may have spoilt",
                 to_do=f"check that nothing holds the {self._part} and that nobody turned it by hand, then run the "
                 "recipe again",
             )
+
+    def _named(self, slot: int | None) -> str:
+        if slot is None:
+            return "no slot"
+        return f"slot {slot}" if self._held is None else f"slot {slot} ({self._held.get(slot, 'nothing')})"

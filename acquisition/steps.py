@@ -16,7 +16,8 @@ class Slots:
     """Which analyzer slot holds what; and in `generator` the same of the slots of the generator, None without one.
 
     `polarizers` are slots by the angle that a recipe names; `retarded` are those with a retarder, by number, with
-    the angles that a recipe names. Beside them there are the blocked and the open slot.
+    the angles that a recipe names. Beside them there are the blocked and the open slot. `filter_slot` is that of the
+    filter wheel for all that is read, None where there is no such wheel.
     """
 
     polarizers: Mapping[float, int]
@@ -25,6 +26,7 @@ class Slots:
     open: int | None
     retarded: Mapping[int, AnalyzerState] = field(default_factory=dict)
     generator: Self | None = None
+    filter_slot: int | None = None
 
     def signal(self, polarizer_deg: float, retarder_deg: float | None) -> tuple[int, AnalyzerState]:
         """The slot with these angles, and the analyzer's state there, from the s-direction."""
@@ -41,7 +43,7 @@ class Slots:
 
 @dataclass(frozen=True)
 class Target:
-    """Where the bench stands: angles in degrees and the slots of analyzer and generator.
+    """Where the bench stands: angles in degrees and the slots of analyzer, generator and filters.
 
     `exit_azimuth_deg` is the detector arm's turn out of the plane of incidence, 0 on a bench that cannot turn it.
     `generator` is None without one, or where any of its slots will do.
@@ -53,6 +55,7 @@ class Target:
     slot: int
     exit_azimuth_deg: float = 0.0
     generator: int | None = None
+    filter_slot: int | None = None
 
     @property
     def axes_deg(self) -> dict[str, float]:
@@ -91,6 +94,7 @@ class Step:
     first_repeat: int = 0
     cycle: int = 0
     made: GeneratorState = GeneratorState()  # noqa: RUF009 (frozen)
+    wavelength_nm: float | None = None
 
     @property
     def analyzer(self) -> AnalyzerState:

@@ -27,6 +27,7 @@ _CONVENTIONS_OF_S3 = """\
 # dop is sqrt(s1^2 + s2^2 + s3^2)/s0, which noise makes larger.
 """
 _ANGLES = ("incidence_deg", "exit_deg", "azimuth_deg")
+_WAVELENGTH = "wavelength_nm"
 _LINEAR = ("dolp", "dolp_debiased", "dolp_stderr", "aolp_deg", "aolp_stderr_deg")
 _WITH_S3 = ("docp", "docp_stderr", "dop", "dop_stderr")
 
@@ -38,10 +39,10 @@ CONVENTIONS_OUT_OF_PLANE = """\
 """
 
 
-def columns(count: int, *, out_of_plane: bool = False) -> tuple[str, ...]:
+def columns(count: int, *, out_of_plane: bool = False, has_wavelength: bool = False) -> tuple[str, ...]:
     """Names of the columns for so many Stokes parameters, 3 or 4, and of directions that may lie out of the plane."""
-    angles = (*_ANGLES, _OUT_OF_PLANE) if out_of_plane else _ANGLES
-    return ("point", *angles, *_stokes(count), *_standard_errors(count), *_covariances(count), *_ratios(count))
+    where = (*_ANGLES, *([_OUT_OF_PLANE] if out_of_plane else []), *([_WAVELENGTH] if has_wavelength else []))
+    return ("point", *where, *_stokes(count), *_standard_errors(count), *_covariances(count), *_ratios(count))
 
 
 def _stokes(count: int) -> list[str]:
@@ -68,7 +69,7 @@ def write_stokes_csv(path: Path, points: Sequence[StokesPoint]) -> None:
     path : Path
         The file; replaced as a whole if it exists.
     points : sequence of StokesPoint
-        One row each, in this order; all with S3, or all without.
+        One row each, in this order; all with S3, or all without, and all with their wavelength, or none.
 
     Raises
     ------
@@ -84,7 +85,8 @@ def write_stokes_csv(path: Path, points: Sequence[StokesPoint]) -> None:
         if out_of_plane:
             file.write(CONVENTIONS_OUT_OF_PLANE)
         writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(columns(count, out_of_plane=out_of_plane))
+        has_wavelength = any(point.wavelength_nm is not None for point in points)
+        writer.writerow(columns(count, out_of_plane=out_of_plane, has_wavelength=has_wavelength))
         writer.writerows(_row(point) for point in points)
 
 
@@ -114,7 +116,7 @@ def read_stokes_csv(path: Path) -> tuple[StokesPoint, ...]:
     rows = csv.reader(line for _, line in numbered)
     header = next(rows, [])
     count = 4 if _stokes(4)[3] in header else 3
-    names = columns(count, out_of_plane=_OUT_OF_PLANE in header)
+    names = columns(count, out_of_plane=_OUT_OF_PLANE in header, has_wavelength=_WAVELENGTH in header)
     if missing := [column for column in names if column not in header]:
         raise JournalError(f"{path} is not a table of Stokes points: it has no column {', '.join(missing)}.")
     return tuple(_point(path, number, header, row, names) for (number, _), row in zip(numbered[1:], rows, strict=True))
@@ -125,6 +127,7 @@ def _row(point: StokesPoint) -> list[str]:
     numbers = [
         *(point.incidence_deg, point.exit_deg, point.azimuth_deg),
         *([] if point.exit_azimuth_deg is None else [point.exit_azimuth_deg]),
+        *(() if point.wavelength_nm is None else (point.wavelength_nm,)),
         *point.stokes,
         *np.sqrt(np.diag(point.covariance)),
         *point.covariance.flat,
@@ -147,6 +150,7 @@ def _point(path: Path, line: int, header: list[str], row: list[str], names: Sequ
     scalars[_OUT_OF_PLANE] = number.get(_OUT_OF_PLANE)
     return StokesPoint(
         point=index,
+        wavelength_nm=number.get(_WAVELENGTH),
         **scalars,
         stokes=np.array([number[column] for column in _stokes(count)]),
         covariance=np.array([number[column] for column in _covariances(count)]).reshape(count, count),

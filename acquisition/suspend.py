@@ -76,7 +76,7 @@ class Judge:
     def __init__(self, suspend: Suspend | None = None, hook: SuspendWhen | None = None) -> None:
         self.suspend, self._hook = suspend or Suspend(), hook
         self._dark_w = 0.0
-        self._first_w: float | None = None
+        self._first_w: dict[float | None, float] = {}
         self._good_s = 0.0
 
     def saw(self, reading: Reading) -> None:
@@ -84,14 +84,14 @@ class Judge:
         if reading.kind == "dark":
             self._dark_w = reading.power_w
         elif reading.kind == "reference":
-            self._first_w = reading.power_w if self._first_w is None else self._first_w
+            self._first_w.setdefault(reading.wavelength_nm, reading.power_w)
             self._good_s = reading.time_s
 
     def doubt(self, reading: Reading) -> Doubt | None:
         """Say what speaks against a reading; None if nothing does."""
-        below = self.suspend.lamp_below
-        if below is not None and reading.kind == "reference" and self._first_w is not None:
-            level = (reading.power_w - self._dark_w) / (self._first_w - self._dark_w)
+        below, first_w = self.suspend.lamp_below, self._first_w.get(reading.wavelength_nm)
+        if below is not None and reading.kind == "reference" and first_w is not None:
+            level = (reading.power_w - self._dark_w) / (first_w - self._dark_w)
             if level < below:
                 why = (
                     f"the reference reading at {reading.time_s:.1f} s on the bench's clock shows {level:.3g} of the "

@@ -24,6 +24,9 @@ CONFIRM_S = 0.004
 READING_S = CONFIRM_S
 """What a reading takes beyond its exposure."""
 
+FIRST_SLOT = 1
+"""Where a wheel is taken to stand that nobody has asked yet."""
+
 EXCHANGE_S = 0.01
 """A question and its answer on a serial line: 20 characters at 19200 baud, or a controller's own latency."""
 
@@ -168,6 +171,7 @@ class BenchTiming:
     detector: DetectorTiming = DetectorTiming()
     detector_azimuth: AxisTiming | None = None
     generator: AnalyzerTiming | None = None
+    filter: WheelTiming | None = None
 
     @property
     def axes(self) -> dict[str, AxisTiming]:

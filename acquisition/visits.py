@@ -67,6 +67,7 @@ class Visits:
                     *(point, kind, there, state.polarizer_deg, readings, exposure_s, duration_s),
                     *(state.retarder_deg, state.retardance_deg, reading_s),
                     made=made,
+                    wavelength_nm=self._recipe.one_wavelength_nm,
                 )
             )
             here = there
@@ -85,9 +86,8 @@ class Visits:
 
     def _target(self, exit_deg: float, stop: Stop) -> Target:
         """In the plane of the recipe's first direction, which is the only one of a scan that decides as it goes."""
-        return Target(
-            self._incidence_deg, exit_deg, self._azimuth_deg, stop.slot, self._exit_azimuth_deg, stop.generator
-        )
+        where_deg = self._incidence_deg, exit_deg, self._azimuth_deg
+        return Target(*where_deg, stop.slot, self._exit_azimuth_deg, stop.generator, self._slots.filter_slot)
 
     def _reference(self, reference: Reference) -> _Place:
         assert self._slots.open is not None, "a recipe with a reference is only accepted with an open slot"

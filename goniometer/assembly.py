@@ -61,4 +61,5 @@ def connected(
             axes.get("detector_azimuth"),
             next(iter(bench.generators.values()), None),
             tuple(axes[role] for role in rig.generator.carried_by) if rig.generator else (),
+            bench.filters,
         )

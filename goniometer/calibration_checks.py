@@ -11,7 +11,7 @@ from acquisition.calibration_recipe import CalibrationRecipe, calibration_steps
 from acquisition.recipe import Recipe
 from acquisition.reference_light import PolarizerReference
 from goniometer.collision_zones import blocked_ways
-from goniometer.cross_checks import exposure_faults
+from goniometer.cross_checks import exposure_faults, filter_faults
 from goniometer.planning import slots, timing
 from goniometer.rig_devices.entry import AxesEntry, Role
 from goniometer.rig_file import Rig
@@ -42,9 +42,9 @@ def calibration_for_recipe(
         )
     if age < -_CLOCKS_APART:
         yield refused(f"was measured on {calibration.measured}, which is still to come: look at this computer's clock")
-    if calibration.wavelength_nm != recipe.wavelength_nm:
+    if calibration.wavelength_nm != (wavelength_nm := recipe.one_wavelength_nm):
         yield refused(
-            f"holds at {calibration.wavelength_nm:g} nm; this recipe measures at {recipe.wavelength_nm:g} nm, and what "
+            f"holds at {calibration.wavelength_nm:g} nm; this recipe measures at {wavelength_nm:g} nm, and what "
             "polarizers do depends on it"
         )
     if calibration.rig != rig.rig:
@@ -84,6 +84,7 @@ def zeros_for_recipe(recipe: Recipe, file: YamlFile, rig: Rig, rig_path: Path, n
 def calibration_recipe_on_rig(recipe: CalibrationRecipe, file: YamlFile, rig: Rig, rig_path: Path) -> Iterator[Fault]:
     """Whatever the recipe of a calibration asks that its rig cannot do, at the recipe's own lines."""
     yield from exposure_faults(recipe.exposure_s, file, rig, rig_path)
+    yield from filter_faults((recipe.wavelength_nm,), file, rig, rig_path)
     if rig.is_simulated and recipe.scene is None:
         yield file.fault(
             ("scene",), f"is missing, but {rig_path} is simulated. Name a scene file, or a rig of real devices"
@@ -116,7 +117,7 @@ def calibration_recipe_on_rig(recipe: CalibrationRecipe, file: YamlFile, rig: Ri
                     f"asks for {angle:g} degrees; allowed: {low:g} to {high:g}, the limits of {role} in {rig_path}",
                 )
     travels = {role: axis.travel for role, axis in rig.axes().items()}
-    steps = calibration_steps(recipe, slots(rig), timing(rig))
+    steps = calibration_steps(recipe, slots(rig, recipe.wavelength_nm), timing(rig))
     if not outside and any(blocked_ways(steps, rig.zones, travels)):
         yield file.fault(
             ("calibrate",), f"leads through a collision zone of {rig_path}. Choose other angles of incidence and exit"
@@ -126,7 +127,7 @@ def calibration_recipe_on_rig(recipe: CalibrationRecipe, file: YamlFile, rig: Ri
 def reference_in_scene(recipe: CalibrationRecipe, file: YamlFile, scene: Scene, scene_path: Path) -> Iterator[Fault]:
     """Whether the bench that a scene simulates has the light and the reference, at the recipe's own lines."""
     lamp_nm = scene.lamp.wavelength_nm
-    if recipe.wavelength_nm != lamp_nm:
+    if lamp_nm is not None and recipe.wavelength_nm != lamp_nm:
         yield file.fault(
             ("wavelength_nm",), f"got {recipe.wavelength_nm:g}; allowed: {lamp_nm:g}, the lamp's in {scene_path}"
         )

@@ -28,6 +28,7 @@ def describe_plan(setup: Setup) -> str:
         *_heading(setup, steps),
         f"rig: {setup.rig.rig} ({setup.rig_path})",
         f"{'analyzer' if steps[0].target.generator is None else 'generator and analyzer'}: {_told(steps)}",
+        *_filters(steps),
         f"travel: {_travel(steps, [role for role in PLACING if role in setup.rig.axes()])}",
         f"data: about {_size(sum(step.readings for step in steps))} in the journal",
         *_apart(steps),
@@ -37,7 +38,12 @@ def describe_plan(setup: Setup) -> str:
     aside = "  exit azimuth" if out_of_plane else ""
     lines.append(f"{'points':>15}  incidence  {'exit':>20}  azimuth{aside}  {named:<18}   ends at")
     elapsed_s = 0.0
-    for run in _runs(steps):
+    wavelength_nm = steps[0].wavelength_nm
+    several = any(step.wavelength_nm != wavelength_nm for step in steps)
+    for number, run in enumerate(_runs(steps)):
+        if several and (number == 0 or run[0].wavelength_nm != wavelength_nm):
+            wavelength_nm = run[0].wavelength_nm
+            lines.append(f"at {wavelength_nm:g} nm:")
         elapsed_s += sum(step.duration_s for step in run)
         lines.append(_line(run, elapsed_s, out_of_plane=out_of_plane))
     return "\n".join([*lines, *_outlook(setup.recipe, elapsed_s), "", "Nothing was moved."])
@@ -51,6 +57,13 @@ def _told(steps: Sequence[Step]) -> str:
     if columns > 1:
         told = f"{len(settings)} settings for {rows * columns} elements of the Mueller matrix, {rows} x {columns}"
     return f"{told}, condition number {condition(settings):.3g}"
+
+
+def _filters(steps: Sequence[Step]) -> list[str]:
+    """Which filters come into the beam, in which order; nothing where the light has a wavelength of its own."""
+    found = dict.fromkeys((step.wavelength_nm, step.target.filter_slot) for step in steps)
+    told = [f"{wavelength_nm:g} nm (slot {slot})" for wavelength_nm, slot in found if slot is not None]
+    return [f"filters: {', then '.join(told)}"] if told else []
 
 
 def _heading(setup: Setup, steps: Sequence[Step]) -> list[str]:
@@ -108,6 +121,8 @@ def _runs(steps: Sequence[Step]) -> Iterator[list[Step]]:
 
 def _goes_on(run: Sequence[Step], step: Step) -> bool:
     last = run[-1]
+    if step.target.filter_slot != last.target.filter_slot:
+        return False
     if step.kind != last.kind and "reference" in (step.kind, last.kind):
         return False
     if len(run) == 1:

@@ -41,7 +41,12 @@ def tell_results(stored: StoredRun, mode: Mode) -> None:
     """Say where a run's results are; raises GoniometerError when its points could not be fitted."""
     if mode == "auto":
         click.echo(f"Everything is in {stored.folder}")
-    if stored.fit is None:
+    unfitted = [f"at {one.recipe.one_wavelength_nm:g} nm {one.refusal}" for one in stored.spectrum if one.fit is None]
+    if unfitted:
+        raise GoniometerError(
+            f"The readings are stored in {stored.folder}, but not all could be fitted: {'; '.join(unfitted)}"
+        )
+    if stored.fit is None and not stored.spectrum:
         raise GoniometerError(
             f"The readings are stored in {stored.folder}, but they could not be fitted: {stored.refusal}"
         )

@@ -22,6 +22,7 @@ from acquisition.events import (
     PointReduced,
     ScanStarted,
     Subscriber,
+    WavelengthChanged,
 )
 from acquisition.readings import StokesPoint
 from goniometer.durations import clock_text
@@ -31,6 +32,7 @@ from goniometer.live_console import LiveConsole
 from goniometer.plain_json import plain
 from goniometer.plus_minus import plus_minus
 from goniometer.scan_so_far import ScanSoFar, in_plane
+from goniometer.spectrum import spectrum_text
 
 Mode = Literal["auto", "plain", "quiet", "json"]
 
@@ -106,6 +108,9 @@ class PlainConsole:
                 self._say(f"  note: {event}")
             case PointReduced():
                 self._say(self._point(event.stokes_point))
+            case WavelengthChanged():
+                self._say(f"  at {event.wavelength_nm:g} nm:")
+                self._points_at_fit_line = 0
             case NotReached():
                 self._say(f"  note: not reached: {event.what}")
             case FitUpdated() if self._is_fit_line_due(event.points):
@@ -132,7 +137,9 @@ class PlainConsole:
         if started is None:
             return
         self._say(f"\n{self._scan.ending()}")
-        if fit is not None:
+        if self._scan.spectrum is not None:
+            self._say(f"\n{spectrum_text(self._scan.spectrum)}\n")
+        elif fit is not None:
             self._say(f"\n{fit_summary(fit.result, started.truth)}\n")
 
     def _is_fit_line_due(self, points: int) -> bool:

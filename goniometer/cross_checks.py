@@ -42,6 +42,7 @@ def recipe_on_rig(recipe: Recipe, file: YamlFile, rig: Rig, rig_path: Path) -> I
             "each side, and more bounces are averaged over it",
         )
     yield from exposure_faults(recipe.exposure_s, file, rig, rig_path)
+    yield from filter_faults(recipe.wavelengths_nm(), file, rig, rig_path)
     if rig.is_simulated and recipe.scene is None:
         yield file.fault(
             ("scene",), f"is missing, but {rig_path} is simulated. Name a scene file, or a rig of real devices"
@@ -65,6 +66,22 @@ def exposure_faults(exposure_s: float, file: YamlFile, rig: Rig, rig_path: Path)
             f"got {exposure_s:g}; allowed: a whole number of the detector's samples of {sample_s:g} s (sample_s "
             f"in {rig_path}), the nearest is {samples * sample_s:g}",
         )
+
+
+def filter_faults(wavelengths_nm: Sequence[float], file: YamlFile, rig: Rig, rig_path: Path) -> Iterator[Fault]:
+    """Wavelengths that no filter of the rig has."""
+    if rig.filters is None:
+        if len(wavelengths_nm) > 1:
+            yield file.fault(
+                ("wavelength_nm",),
+                f"asks for {len(wavelengths_nm)} wavelengths; allowed: one, because {rig_path} has no wheel of filters",
+            )
+        return
+    known = ", ".join(f"{wavelength_nm:g}" for wavelength_nm in rig.filters.slots)
+    for number, wavelength_nm in enumerate(wavelengths_nm):
+        if wavelength_nm not in rig.filters.slots:
+            place = ("wavelength_nm", number) if len(wavelengths_nm) > 1 else ("wavelength_nm",)
+            yield file.fault(place, f"got {wavelength_nm:g}; allowed: those of the filters of {rig_path}, {known}")
 
 
 def _slot_faults(recipe: Recipe, file: YamlFile, rig: Rig, rig_path: Path) -> Iterator[Fault]:
@@ -228,10 +245,9 @@ def time_limit_on_rig(recipe: Recipe, file: YamlFile, rig: Rig, rig_path: Path) 
 def recipe_on_scene(recipe: Recipe, file: YamlFile, scene: Scene, scene_path: Path) -> Iterator[Fault]:
     """Whatever a recipe asks that its scene does not hold, at the recipe's own lines."""
     lamp_nm = scene.lamp.wavelength_nm
-    if recipe.wavelength_nm != lamp_nm:
-        yield file.fault(
-            ("wavelength_nm",), f"got {recipe.wavelength_nm:g}; allowed: {lamp_nm:g}, the lamp's in {scene_path}"
-        )
+    wavelength_nm, *others = recipe.wavelengths_nm()
+    if not others and lamp_nm is not None and wavelength_nm != lamp_nm:
+        yield file.fault(("wavelength_nm",), f"got {wavelength_nm:g}; allowed: {lamp_nm:g}, the lamp's in {scene_path}")
 
 
 def scene_on_rig(scene: Scene, file: YamlFile, rig: Rig, rig_path: Path) -> Iterator[Fault]:

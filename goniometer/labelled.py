@@ -73,6 +73,12 @@ _LONG_NAMES = {
     "reading_time_s": "time on the bench's clock",
 }
 
+_OF_FIT = (
+    *("stokes_fit_per_sr", "fit_value", "fit_stderr", "fit_at_bound", "fit_correlation", "chi_square"),
+    *("degrees_of_freedom", "parameter", "parameter_2"),
+)
+"""What there is of a fit alone."""
+
 
 def load(run: str | Path) -> xarray.Dataset:
     """Read a run back with labelled dimensions: Stokes points and their fit, and the raw readings beside them.
@@ -87,10 +93,11 @@ def load(run: str | Path) -> xarray.Dataset:
     xarray.Dataset
         Directions have the dimension `exit_deg`, and `incidence_deg`, `azimuth_deg` and `exit_azimuth_deg` where these
         take several values; when not every combination was measured exactly once, they have the one dimension `point`.
-        Stokes parameters have the dimension `stokes` besides, raw readings `reading`, fitted parameters `parameter`.
-        Every variable has the attribute `long_name`, and `units` unless it holds words; recipe, rig, scene and versions
-        are attributes of the dataset. What was nowhere measured is no variable. When the points could not be fitted,
-        the attribute `fit_refusal` says why.
+        Several wavelengths are the dimension `wavelength_nm`, outside of all others, also of the fits. Stokes
+        parameters have the dimension `stokes` besides, raw readings `reading`, fitted parameters `parameter`. Every
+        variable has the attribute `long_name`, and `units` unless it holds words; recipe, rig, scene and versions are
+        attributes of the dataset. What was nowhere measured is no variable. When the points could not be fitted, the
+        attribute `fit_refusal` says why.
 
     Raises
     ------
@@ -102,7 +109,7 @@ def load(run: str | Path) -> xarray.Dataset:
         When the readings cannot be reduced, or no direction was finished.
     """
     try:
-        import xarray
+        import xarray  # noqa: F401 (asked for before anything is read)
     except ImportError as error:
         raise ConfigurationError(
             [
@@ -111,24 +118,63 @@ def load(run: str | Path) -> xarray.Dataset:
             ]
         ) from error
     stored = stored_run(run)
+    if len(stored.spectrum) > 1:
+        each = [_of_one(one) for one in stored.spectrum]
+        together = _along_wavelengths(each, len(stored.recipe.directions_deg()))
+        if together is not None:
+            return together.assign(_readings(stored.readings)).assign_attrs(_attributes(stored))
+    return _of_one(stored).assign(_readings(stored.readings)).assign_attrs(_attributes(stored))
+
+
+def _along_wavelengths(of_each: Sequence[xarray.Dataset], directions: int) -> xarray.Dataset | None:
+    """Datasets at one wavelength each, joined to one with a dimension more; None where their directions differ.
+
+    Points are numbered through: the recipe has so many `directions` at each wavelength.
+    """
+    import xarray
+
+    fits = {name for one in of_each for name in one.variables if name in _OF_FIT}
+    if any(not fits <= set(one.variables) for one in of_each):
+        of_each = [one.drop_vars([name for name in fits if name in one.variables]) for one in of_each]
+    numbers = [one["point"].to_numpy() % directions for one in of_each]
+    if any(not np.array_equal(other, numbers[0]) for other in numbers):
+        return None
+    return xarray.concat(
+        of_each,
+        dim="wavelength_nm",
+        data_vars="all",
+        coords=["point", "wavelength_nm"],
+        join="override",
+        compat="override",
+        combine_attrs="override",
+    )
+
+
+def _of_one(stored: StoredRun) -> xarray.Dataset:
+    """Points and fit of a run; at several wavelengths without a fit, and along single points."""
+    import xarray
+
     tolerances_deg = {role: axis.tolerance_deg for role, axis in stored.rig.axes().items()}
     directions = directions_of(stored.points, tolerances_deg)
+    wavelengths_nm = stored.recipe.wavelengths_nm()
     components = [f"S{place}" for place in range(stored.points[0].stokes.size)]
     coordinates: dict[str, Variable] = {
         **{name: _labelled(name, dims, values) for name, (dims, values) in directions.coordinates.items()},
         "stokes": _labelled("stokes", ["stokes"], components),
         "stokes_2": _labelled("stokes_2", ["stokes_2"], components),
-        "wavelength_nm": _labelled("wavelength_nm", [], stored.recipe.wavelength_nm),
+        "wavelength_nm": _labelled("wavelength_nm", [], wavelengths_nm[0]),
     }
     if isinstance(stored.points[0], MuellerPoint):
         incoming = [f"S{place}" for place in range(stored.points[0].mueller.shape[1])]
         for name in ("incoming", "incoming_2"):
             coordinates[name] = _labelled(name, [name], incoming)
+    if len(wavelengths_nm) > 1:
+        at_nm = [point.wavelength_nm for point in stored.points]
+        coordinates["wavelength_nm"] = _labelled("wavelength_nm", ["point"], np.array(at_nm, float))
     if stored.fit is not None:
         for name in ("parameter", "parameter_2"):
             coordinates[name] = _labelled(name, [name], list(in_degrees(stored.fit).parameters))
-    variables = _points(stored, directions) | _fit(stored) | _readings(stored.readings)
-    return xarray.Dataset(variables, coordinates, _attributes(stored))
+    return xarray.Dataset(_points(stored, directions) | _fit(stored), coordinates)
 
 
 def _points(run: StoredRun, directions: Directions) -> dict[str, Variable]:
@@ -142,7 +188,7 @@ def _points(run: StoredRun, directions: Directions) -> dict[str, Variable]:
     if run.fit is not None:
         fitted = vectors["stokes_fit_per_sr"] = np.full_like(stokes, np.nan)
         fitted[:, : run.fit.stokes.shape[1]] = run.fit.stokes[:, : stokes.shape[1]]
-    is_placed = {"stokes", "covariance", "point", *directions.angles}
+    is_placed = {"stokes", "covariance", "point", "wavelength_nm", *directions.angles}
     vectors |= {name: values for name, values in _columns(StokesPoint, run.points).items() if name not in is_placed}
     inner = ("stokes", "stokes_2")
     return {

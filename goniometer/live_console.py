@@ -21,6 +21,7 @@ from goniometer.fitting.summary import model_name, parameter_rows, quality, tabl
 from goniometer.lasting_stream import LastingStream
 from goniometer.plus_minus import plus_minus
 from goniometer.scan_so_far import ScanSoFar
+from goniometer.spectrum import spectrum_text
 from model.fit import FitResult
 
 _REFRESHES_PER_S = 6
@@ -73,7 +74,9 @@ class LiveConsole:
         if started is None:
             return
         self._console.print(Text(self._scan.ending(), style="bold"))
-        if self._scan.fit is not None:
+        if self._scan.spectrum is not None:
+            self._console.print(Group(Text(), Text(spectrum_text(self._scan.spectrum)), Text()))
+        elif self._scan.fit is not None:
             fit = self._scan.fit.result
             said = "\n".join([quality(fit), *remarks(fit), model_name(fit)])
             self._console.print(Group(Text(), _parameters(fit, started), Text(), said, Text()))
@@ -138,6 +141,8 @@ class LiveConsole:
             if step.exit_azimuth_deg is not None:
                 _say(text, "exit azimuth", f"{step.exit_azimuth_deg:z.2f}°")
             _say(text, "slot", f"{step.slot}")
+            if self._scan.wavelength_nm is not None:
+                _say(text, "wavelength", f"{self._scan.wavelength_nm:g} nm")
         if point is not None:
             text.append("\nlast point  ", _LABEL)
             if self._scan.started is not None and self._scan.started.has_planes:
@@ -160,7 +165,8 @@ class LiveConsole:
         if fit is None:
             return [Text("No fit yet.", style=_LABEL)]
         of_all = "" if started.points is None else f" of {started.points}"
-        title = Text.assemble(("live fit", "bold"), (f"  first {fit.points}{of_all} points", _LABEL))
+        at = "" if self._scan.wavelength_nm is None else f" at {self._scan.wavelength_nm:g} nm"
+        title = Text.assemble((f"live fit{at}", "bold"), (f"  first {fit.points}{of_all} points", _LABEL))
         return [title, Text(), _parameters(fit.result, started), Text(), Text(quality(fit.result), style=_LABEL)]
 
 

@@ -24,6 +24,7 @@ from acquisition.rounds import Rounds
 from acquisition.signal_to_noise import Enough, SignalToNoise, as_planned
 from acquisition.steering import Steering
 from acquisition.timing import AxisTiming, BenchTiming
+from acquisition.wavelengths import expand_wavelengths
 from drivers.clock import Clock
 from goniometer.durations import clock_text
 from goniometer.rig_devices.entry import AnalyzerEntry, AxesEntry, Role
@@ -37,7 +38,10 @@ def plan(recipe: Recipe, rig: Rig) -> tuple[Step, ...]:
     """
     if recipe.averaging is not None and recipe.averaging.dolp_error is not None:
         recipe = recipe.model_copy(update={"direction_within_s": 0.0})
-    return expand(recipe, slots(rig), timing(rig))
+    if len(recipe.wavelengths_nm()) > 1:
+        of_each = {wavelength_nm: slots(rig, wavelength_nm) for wavelength_nm in recipe.wavelengths_nm()}
+        return expand_wavelengths(recipe, of_each, timing(rig))
+    return expand(recipe, slots(rig, recipe.one_wavelength_nm), timing(rig))
 
 
 def span_s(recipe: Recipe, rig: Rig) -> tuple[float, float]:
@@ -70,7 +74,7 @@ def beginning(recipe: Recipe, rig: Rig) -> tuple[Step, ...]:
     """The steps that are known beforehand: of an adaptive scan the first ones, else every exit angle once."""
     if not recipe.adaptive:
         return plan(recipe, rig)
-    visits = Visits(recipe, slots(rig), timing(rig))
+    visits = Visits(recipe, slots(rig, recipe.one_wavelength_nm), timing(rig))
     steps: list[Step] = []
     family = surface_family(recipe.fit, rig.calibration.acceptance_sr)
     for point, exit_deg in enumerate(first_exits_deg(recipe, family)):
@@ -90,7 +94,7 @@ def course(
         return Rounds(plan(recipe, rig), recipe.averaging, timing(rig), saved)
     if not recipe.follows_fit:
         return Listed(plan(recipe, rig))
-    visits = Visits(recipe, slots(rig), timing(rig))
+    visits = Visits(recipe, slots(rig, recipe.one_wavelength_nm), timing(rig))
     family = surface_family(recipe.fit, rig.calibration.acceptance_sr)
     choose: Choice = passes(recipe)
     if recipe.adaptive:
@@ -100,18 +104,24 @@ def course(
 
 def references(recipe: Recipe, rig: Rig) -> Callable[[int], tuple[Step, ...]]:
     """The steps by which the lamp is read once more at a point, besides the plan; none without references."""
-    visits = Visits(recipe, slots(rig), timing(rig))
-    return lambda point: visits.closing(point, HOME)
+    listed, directions = recipe.wavelengths_nm(), len(recipe.directions_deg())
+
+    def at(point: int) -> tuple[Step, ...]:
+        wavelength_nm = listed[point // directions]
+        visits = Visits(recipe.at_wavelength(wavelength_nm), slots(rig, wavelength_nm), timing(rig))
+        return visits.closing(point, HOME)
+
+    return at
 
 
 def alike(recipe: Recipe, rig: Rig) -> Callable[[Reading, Reading], bool]:
     """Whether two readings at the same place may be of the same light, but for noise and a lamp that drifts."""
-    noise = detection(recipe, rig).noise
     largest_change = recipe.reference.largest_change if recipe.reference else LARGEST_CHANGE
 
     def are_alike(before: Reading, now: Reading) -> bool:
         powers_w = np.array([before.power_w, now.power_w])
-        stderr_w = math.sqrt(noise.variance(powers_w, np.array([before.exposure_s, now.exposure_s])).sum())
+        expected = noise(rig, now.wavelength_nm or recipe.wavelengths_nm()[0])
+        stderr_w = math.sqrt(expected.variance(powers_w, np.array([before.exposure_s, now.exposure_s])).sum())
         return bool(np.ptp(powers_w) <= SIGNIFICANT * stderr_w + largest_change * np.abs(powers_w).max())
 
     return are_alike
@@ -130,10 +140,11 @@ def aim(recipe: Recipe, rig: Rig) -> str:
     return f"{way}{f' until {wanted}' if wanted else ''}, for at most {clock_text(recipe.time_limit_s)}"
 
 
-def slots(rig: Rig) -> Slots:
-    """What the rig's analyzer holds in which slot, and its generator."""
+def slots(rig: Rig, wavelength_nm: float | None = None) -> Slots:
+    """What the rig's analyzer holds in which slot, its generator, and where its filter of a wavelength is, if any."""
     generator = None if rig.generator is None else _slots_of(rig.generator)
-    return replace(_slots_of(rig.analyzer), generator=generator)
+    filter_slot = None if rig.filters is None or wavelength_nm is None else rig.filters.slots.get(wavelength_nm)
+    return replace(_slots_of(rig.analyzer), generator=generator, filter_slot=filter_slot)
 
 
 def _slots_of(device: AnalyzerEntry) -> Slots:
@@ -162,6 +173,7 @@ def timing(rig: Rig) -> BenchTiming:
         rig.detector.timing,
         axes.get("detector_azimuth"),
         None if rig.generator is None else rig.generator.timing(axes),
+        None if rig.filters is None else rig.filters.timing,
     )
 
 
@@ -187,8 +199,8 @@ def reduction(
 def detection(recipe: Recipe, rig: Rig, dark_w: float = 0.0) -> Detection:
     """What makes readings of light on a rig whose detector shows so much power in the dark."""
     return Detection(
-        Radiometry(rig.calibration.beam_power_w, rig.calibration.acceptance_sr),
-        noise(rig, recipe.wavelength_nm),
+        Radiometry(rig.beam_power_w(recipe.one_wavelength_nm), rig.calibration.acceptance_sr),
+        noise(rig, recipe.one_wavelength_nm),
         dark_w,
     )
 

@@ -160,7 +160,7 @@ def _go_on(
         refuse_other_bench(about["scene"], bench_access.scene_text)
         log = stack.enter_context(wire_log(folder / WIRE_LOG if trace else None, bench_access.clock))
         bench = stack.enter_context(
-            connected(setup.rig, bench_access.ports, bench_access.clock, setup.recipe.wavelength_nm, log)
+            connected(setup.rig, bench_access.ports, bench_access.clock, setup.recipe.wavelengths_nm()[0], log)
         )
         refuse_other_devices(about.get("devices", ""), bench.identities)
         if setup.scene is None:  # a bench that has outlived the process that was cut short

@@ -21,6 +21,7 @@ from goniometer.rig_devices.entry import (
     DeviceEntry,
     Role,
 )
+from goniometer.rig_devices.filters import FiltersEntry
 from goniometer.rig_devices.known import AnyDevice
 
 
@@ -81,6 +82,9 @@ class Rig(Section):
         generators = [name for name, device in self.devices.items() if device.part == "generator"]
         for name in generators[1:]:
             yield ("devices", name), f"is a second generator beside {generators[0]}; allowed: one, or none"
+        wheels = [name for name, device in self.devices.items() if device.part == "filter"]
+        for name in wheels[1:]:
+            yield ("devices", name), f"is a second wheel of filters beside {wheels[0]}; allowed: at most one"
 
     def _port_faults(self) -> Iterator[SectionFault]:
         first: dict[tuple[str, str | None], str] = {}
@@ -165,6 +169,17 @@ class Rig(Section):
     def detector(self) -> DetectorEntry:
         """The bench's detector."""
         return next(device for device in self.devices.values() if isinstance(device, DetectorEntry))
+
+    @property
+    def filters(self) -> FiltersEntry | None:
+        """What chooses the wavelength; None where the light has one of its own."""
+        return next((device for device in self.devices.values() if isinstance(device, FiltersEntry)), None)
+
+    def beam_power_w(self, wavelength_nm: float) -> float:
+        """Power of the beam on the sample at a wavelength, in W."""
+        filters = {} if self.filters is None else self.filters.filters
+        powers_w = {held.wavelength_nm: held.beam_power_w for held in filters.values()}
+        return powers_w.get(wavelength_nm) or self.calibration.beam_power_w
 
     def axes(self) -> dict[Role, AxisEntry]:
         """All axes by role."""

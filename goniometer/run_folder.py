@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from datetime import datetime
 from pathlib import Path
 
@@ -23,15 +23,18 @@ from acquisition.readings import MuellerPoint, Reading, StokesPoint
 from acquisition.recipe import Recipe
 from acquisition.stokes_csv import write_stokes_csv
 from acquisition.suspend import suspensions
+from acquisition.wavelengths import by_wavelength
 from acquisition.whole_file import written_whole
 from goniometer.errors import FitError, JournalError, ReductionError
 from goniometer.fitted_curve import fitted_curve
 from goniometer.fitting.as_json import fit_json
-from goniometer.planning import averaged, detection, reduction
+from goniometer.planning import averaged, noise, reduction
 from goniometer.report import draw_report
 from goniometer.rig_file import Rig
 from goniometer.scan_planes import scan_planes
 from goniometer.shared_errors import refits, with_shared_errors
+from goniometer.spectrum import spectrum_json
+from goniometer.spectrum_picture import draw_spectrum
 from model.fit import FitResult, SurfaceFamily, fit
 from sim_devices.scene import Scene
 
@@ -49,7 +52,8 @@ class MeasuredRun:
 
     `about` holds the texts and versions that the journal remembers; `doubts` are what a person should know of the light
     before believing in the points, such as directions that are left out because nobody knows how bright the lamp was.
-    `calibration` is what the readings were reduced with, None for ideal polarizers.
+    `calibration` is what the readings were reduced with, None for ideal polarizers. `at_each` are the same by
+    wavelength, a run of its own for each that has points, where the recipe lists several; else there are none.
     """
 
     folder: Path
@@ -60,6 +64,7 @@ class MeasuredRun:
     about: dict[str, str]
     doubts: tuple[str, ...]
     calibration: SlotCalibration | None
+    at_each: tuple[MeasuredRun, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -67,12 +72,14 @@ class StoredRun(MeasuredRun):
     """A stored run, with the fit of its points.
 
     `fit` is None, and `refusal` says why, when the points do not determine the parameters. `truth` is empty unless
-    the sample was simulated.
+    the sample was simulated. Several wavelengths have no fit together: `spectrum` holds one stored run for each, in
+    the order of the recipe.
     """
 
-    fit: FitResult | None
-    refusal: str
-    truth: dict[str, float]
+    fit: FitResult | None = None
+    refusal: str = ""
+    truth: dict[str, float] = field(default_factory=dict)
+    spectrum: tuple[StoredRun, ...] = ()
 
 
 def new_run_folder(out: Path, recipe_name: str) -> Path:
@@ -130,15 +137,36 @@ def measured(folder: str | Path) -> MeasuredRun:
     if damage and not {"recipe", "rig", "scene"} <= about.keys():
         raise JournalError(f"{damage}, but not what they are of. Look for a copy of the journal.")
     recipe, rig, calibration = remembered(folder, about)
-    reduced_by = reduction(recipe, rig, calibration, suspensions(about))
-    left_out = skipped_points(about)
-    used = tuple(reading for reading in readings if reading.kind != "signal" or reading.point not in left_out)
-    points = reduced_by.scan(used)
+    runs = [
+        _reduced(folder, recipe.at_wavelength(wavelength_nm), rig, of_one, about, calibration)
+        for wavelength_nm, of_one in by_wavelength(recipe, readings).items()
+    ]
+    points = tuple(point for run in runs for point in run.points)
     if not points:
         raise ReductionError(
             f"{folder} holds {len(readings)} readings and not one finished direction: there is nothing to reduce."
         )
-    doubts = *filter(None, [damage, skipped(left_out)]), *reduced_by.doubts(used, points)
+    found = tuple(filter(None, [damage, skipped(skipped_points(about))]))
+    if len(recipe.wavelengths_nm()) == 1:
+        return replace(runs[0], doubts=(*found, *runs[0].doubts))
+    doubts = tuple(f"at {run.recipe.one_wavelength_nm:g} nm: {doubt}" for run in runs for doubt in run.doubts)
+    at_each = tuple(run for run in runs if run.points)
+    return MeasuredRun(folder, recipe, rig, readings, points, about, (*found, *doubts), calibration, at_each)
+
+
+def _reduced(
+    folder: Path,
+    recipe: Recipe,
+    rig: Rig,
+    readings: tuple[Reading, ...],
+    about: dict[str, str],
+    calibration: SlotCalibration | None,
+) -> MeasuredRun:
+    """The readings of one wavelength."""
+    reduced_by, left_out = reduction(recipe, rig, calibration, suspensions(about)), skipped_points(about)
+    used = tuple(reading for reading in readings if reading.kind != "signal" or reading.point not in left_out)
+    points = reduced_by.scan(used)
+    doubts = reduced_by.doubts(used, points)
     if (reached := averaged(recipe, rig)) is not None:
         doubts += reached.doubts(used, points)
     return MeasuredRun(folder, recipe, rig, readings, points, about, doubts, calibration)
@@ -173,6 +201,15 @@ def stored_run(folder: str | Path) -> StoredRun:
         As for `measured`, which says what may go wrong.
     """
     run = measured(folder)
+    if not run.at_each:
+        return _fitted(run)
+    listed = ", ".join(f"{wavelength_nm:g}" for wavelength_nm in run.recipe.wavelengths_nm())
+    refusal = f"it was measured at several wavelengths ({listed} nm), and each has a fit of its own"
+    return StoredRun(**vars(run), refusal=refusal, spectrum=tuple(_fitted(one) for one in run.at_each))
+
+
+def _fitted(run: MeasuredRun) -> StoredRun:
+    """A run at one wavelength, with the fit of its points."""
     choice, result, refusal = run.recipe.fit, None, ""
     try:
         with named_in_degrees():
@@ -180,12 +217,13 @@ def stored_run(folder: str | Path) -> StoredRun:
             result = with_shared_errors(result, refits(run))
     except FitError as error:
         refusal = str(error)
-    return StoredRun(**vars(run), fit=result, refusal=refusal, truth=scene_truth(run.about["scene"]))
+    truth = scene_truth(run.about["scene"], run.recipe.one_wavelength_nm)
+    return StoredRun(**vars(run), fit=result, refusal=refusal, truth=truth)
 
 
-def scene_truth(scene_text: str) -> dict[str, float]:
-    """The parameters of a simulated sample; none when there is no scene."""
-    return Scene.model_validate(yaml.safe_load(scene_text)).truth() if scene_text else {}
+def scene_truth(scene_text: str, wavelength_nm: float | None = None) -> dict[str, float]:
+    """The parameters of a simulated sample at a wavelength; none when there is no scene."""
+    return Scene.model_validate(yaml.safe_load(scene_text)).truth(wavelength_nm) if scene_text else {}
 
 
 def write_results(run: StoredRun) -> list[Path]:
@@ -200,17 +238,28 @@ def write_results(run: StoredRun) -> list[Path]:
         readings=run.readings,
         points=run.points,
         fit=run.fit,
-        noise=detection(run.recipe, run.rig).noise,
+        noise=noise(run.rig, run.recipe.wavelengths_nm()[0]),
         provenance=run.about,
     )
     with written_whole(fit_json_path) as part:
         part.write_text(_fit_json(run), encoding="utf-8")
-    _draw(report, run)
-    written = [csv, nexus, fit_json_path, report]
+    written = [csv, nexus, fit_json_path, report, *_draw_all(report, run)]
     if matrices := [point for point in run.points if isinstance(point, MuellerPoint)]:
         written.append(run.folder / "mueller.csv")
         write_mueller_csv(written[-1], matrices)
     return written
+
+
+def _draw_all(report: Path, run: StoredRun) -> list[Path]:
+    """Draw the report; of several wavelengths the spectrum, and a page each, which are returned."""
+    if not run.spectrum:
+        _draw(report, run)
+        return []
+    draw_spectrum(report, run.spectrum)
+    pages = [run.folder / f"report_{one.recipe.one_wavelength_nm:g}nm.png" for one in run.spectrum]
+    for page, one in zip(pages, run.spectrum, strict=True):
+        _draw(page, one)
+    return pages
 
 
 def _draw(path: Path, run: StoredRun) -> None:
@@ -223,6 +272,8 @@ def _draw(path: Path, run: StoredRun) -> None:
             points = [run.points[row] for row in plane.rows.tolist()]
             curves.append(fitted_curve(points, _family(run), run.fit))
     title, fit, truth = run.recipe.recipe, run.fit, run.truth
+    if path.name != "report.png":
+        title += f", {run.recipe.one_wavelength_nm:g} nm"
     draw_report(path, title=title, points=run.points, fit=fit, curves=curves, truth=truth, planes=planes)
 
 
@@ -231,6 +282,8 @@ def _family(run: MeasuredRun) -> SurfaceFamily:
 
 
 def _fit_json(run: StoredRun) -> str:
+    if run.spectrum:
+        return spectrum_json(run.spectrum)
     if run.fit is None:
         return json.dumps({"parameters": {}, "refusal": run.refusal}, indent=2) + "\n"
     return fit_json(run.fit, run.recipe.fit, run.truth, points=len(run.points), readings=len(run.readings))

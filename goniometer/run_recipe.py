@@ -22,6 +22,7 @@ from goniometer.run_folder import StoredRun, new_run_folder, stored_run, write_r
 from goniometer.run_lock import sole_writer
 from goniometer.scanning import scan
 from goniometer.signals import Interruption
+from goniometer.spectrum import spectrum_fitted
 from goniometer.wire_trace import WIRE_LOG, wire_log
 
 
@@ -94,6 +95,9 @@ def results(folder: Path, subscribers: Sequence[Subscriber], interruption: Inter
     try:
         interruption.check()
         result = stored_run(folder)
+        if result.spectrum:
+            for subscriber in subscribers:
+                subscriber(spectrum_fitted(result))
         if result.fit is not None:
             for subscriber in subscribers:
                 subscriber(FitUpdated(len(result.points), result.fit))
@@ -122,7 +126,7 @@ def _measure(
         folder, begun = new_run_folder(out, recipe.recipe), datetime.now().astimezone()
         stack.callback(_remove_if_empty, folder)
         log = stack.enter_context(wire_log(folder / WIRE_LOG if trace else None, clock))
-        bench = stack.enter_context(connected(rig, bench_access.ports, clock, recipe.wavelength_nm, log))
+        bench = stack.enter_context(connected(rig, bench_access.ports, clock, recipe.wavelengths_nm()[0], log))
         attended.check()
         stack.enter_context(sole_writer(folder))
         about = provenance(setup, bench_access.scene_text, begun) | {"devices": devices_text(bench)}

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from acquisition.events import (
     DirectionChosen,
@@ -16,7 +16,9 @@ from acquisition.events import (
     ScanDoubted,
     ScanEnded,
     ScanStarted,
+    SpectrumFitted,
     StepStarted,
+    WavelengthChanged,
     WentOn,
 )
 from acquisition.readings import StokesPoint
@@ -50,6 +52,8 @@ class ScanSoFar:
     paused: Paused | None = None
     paused_s: float = 0.0
     doubts: tuple[str, ...] = ()
+    wavelength_nm: float | None = None
+    spectrum: SpectrumFitted | None = None
     readings: int = 0
     points_seen: set[int] = field(default_factory=set)
     start_s: float = 0.0
@@ -79,7 +83,13 @@ class ScanSoFar:
                 self.paused, self.step_s = None, self.step_s + self.now_s() - self.paused_s
                 self.start_s += self.now_s() - self.paused_s
             case ScanDoubted():
-                self.doubts = event.doubts
+                self.doubts += tuple(doubt for doubt in event.doubts if doubt not in self.doubts)
+            case WavelengthChanged():
+                self.wavelength_nm, self.fit, self.refusal = event.wavelength_nm, None, None
+                if self.started is not None:
+                    self.started = replace(self.started, truth=event.truth)
+            case SpectrumFitted():
+                self.spectrum = event
             case ScanEnded():
                 self.ended = event
 

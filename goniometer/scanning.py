@@ -13,8 +13,11 @@ from acquisition.engine import Bench, Engine, stopped_afterwards
 from acquisition.events import ScanEnded, ScanStarted, Subscriber
 from acquisition.fit_points import fit_arguments, surface_family
 from acquisition.journal import STOPPED, Journal
+from acquisition.lamp_level import LampBreak
 from acquisition.live_fit import LiveFit
 from acquisition.pipeline import Pipeline
+from acquisition.pipelines import Pipelines
+from acquisition.recipe import Recipe
 from acquisition.suspend import Judge, suspensions
 from acquisition.time_left import TimeLeft
 from acquisition.watchdog import Watchdog
@@ -65,13 +68,8 @@ def scan(
     """
     recipe, rig, clock, folder = setup.recipe, setup.rig, bench_access.clock, stored.path.parent
     with ExitStack() as stack:
-        fitting = None
-        if live_fit and not recipe.follows_fit:
-            family = surface_family(recipe.fit, rig.calibration.acceptance_sr)
-            fitting = stack.enter_context(LiveFit(family, fit_arguments(recipe.fit)))
-        reducing = reduction(recipe, rig, setup.calibration, suspensions(stored.about()))
-        is_repeated = recipe.repeats > 1
-        pipeline = Pipeline(reducing, fitting, subscribers, averaged(recipe, rig), is_repeated=is_repeated)
+        suspended = suspensions(stored.about())
+        pipeline = _pipeline(setup, bench_access.scene_text, suspended, subscribers, stack, live_fit=live_fit)
         stack.enter_context(_switching_threads_often())
         started = _started(setup, str(folder), bench_access.scene_text, (*notes, *bench.notes), earlier)
         pipeline.publish(started)
@@ -122,6 +120,33 @@ def scan(
         stored.remember("ended", way.reason)
 
 
+def _pipeline(
+    setup: Setup,
+    scene_text: str,
+    suspended: Sequence[LampBreak],
+    subscribers: Sequence[Subscriber],
+    stack: ExitStack,
+    *,
+    live_fit: bool,
+) -> Pipeline | Pipelines:
+    """Reduction and live fit of the scan, at each wavelength by itself."""
+
+    def at_one(recipe: Recipe) -> Pipeline:
+        fitting = None
+        if live_fit and not recipe.follows_fit:
+            family = surface_family(recipe.fit, setup.rig.calibration.acceptance_sr)
+            fitting = stack.enter_context(LiveFit(family, fit_arguments(recipe.fit)))
+        reducing, is_repeated = reduction(recipe, setup.rig, setup.calibration, suspended), recipe.repeats > 1
+        return Pipeline(reducing, fitting, subscribers, averaged(recipe, setup.rig), is_repeated=is_repeated)
+
+    listed = setup.recipe.wavelengths_nm()
+    if len(listed) == 1:
+        return at_one(setup.recipe)
+    pipelines = {wavelength_nm: at_one(setup.recipe.at_wavelength(wavelength_nm)) for wavelength_nm in listed}
+    truths = {wavelength_nm: scene_truth(scene_text, wavelength_nm) for wavelength_nm in listed}
+    return Pipelines(pipelines, truths, subscribers)
+
+
 def _started(
     setup: Setup, folder: str, scene_text: str, notes: tuple[str, ...], earlier: Earlier | None
 ) -> ScanStarted:
@@ -135,14 +160,16 @@ def _started(
         points=None if steps is None else len({step.point for step in steps}),
         readings=None if steps is None or recipe.is_steered else sum(step.readings for step in steps),
         expected_duration_s=recipe.time_limit_s or span_s(recipe, setup.rig)[1] - passed_s,
-        truth=scene_truth(scene_text),
+        truth=scene_truth(scene_text, recipe.wavelengths_nm()[0]),
         notes=notes,
         aim=aim(recipe, setup.rig),
         has_planes=not recipe.is_one_plane,
     )
 
 
-def _scan(engine: Engine, bench: Bench, way: Course, clock: Clock, pipeline: Pipeline, watchdog: Watchdog) -> None:
+def _scan(
+    engine: Engine, bench: Bench, way: Course, clock: Clock, pipeline: Pipeline | Pipelines, watchdog: Watchdog
+) -> None:
     start_s = clock.now()
 
     def tell_end(reason: str, *, as_asked: bool) -> None:

@@ -10,6 +10,7 @@ from pydantic import Field, model_validator
 
 from model import materials
 from sim_devices.bench_devices.entry import AxisRole, SimulatedDevice
+from sim_devices.bench_devices.filters import FilterDevice
 from sim_devices.bench_devices.known import AnyDevice
 from sim_devices.contact import Bodies
 from sim_devices.effects.known import AnyEffect
@@ -57,10 +58,12 @@ class Sample(ScenePart):
 
 
 class Lamp(ScenePart):
-    """The source: unpolarized, of one wavelength."""
+    """The source: unpolarized, of one wavelength, or white behind filters."""
 
-    power_w: float = Field(gt=0, le=10, description="power of the beam on the sample, in W")
-    wavelength_nm: float = Field(ge=200, le=2000, description="wavelength, in nm")
+    power_w: float = Field(gt=0, le=10, description="power of the beam on the sample, without a filter, in W")
+    wavelength_nm: float | None = Field(
+        default=None, ge=200, le=2000, description="wavelength, in nm; leave out where filters choose it"
+    )
 
 
 class Scene(ScenePart):
@@ -100,6 +103,14 @@ class Scene(ScenePart):
         ]
         if parts["generator"] > 1:
             faults.append(f"a bench has at most one generator, and this one has {parts['generator']}")
+        if parts["filter"] > 1:
+            faults.append(f"a bench has one wheel of filters at most, and this one has {parts['filter']}")
+        if (self.lamp.wavelength_nm is None) != (parts["filter"] > 0):
+            faults.append(
+                "the filters say which wavelengths there are: leave the lamp's wavelength_nm out"
+                if parts["filter"]
+                else "the lamp has no wavelength_nm, and no filters choose one"
+            )
         roles = Counter(role for device in self.devices.values() for role in device.roles())
         faults += [
             f"exactly one device must turn {role}, and here {roles[role]} do"
@@ -135,19 +146,30 @@ class Scene(ScenePart):
     @model_validator(mode="after")
     def _material_is_tabulated(self) -> Scene:
         if self.sample.material is not None:
-            materials.index(self.sample.material, self.lamp.wavelength_nm)
+            for wavelength_nm in self.wavelengths_nm():
+                materials.index(self.sample.material, wavelength_nm)
         return self
 
-    def index(self) -> complex:
-        """Refractive index n + ik of the sample at the lamp's wavelength."""
+    def wavelengths_nm(self) -> tuple[float, ...]:
+        """The wavelengths of its light, the lamp's one or those of its filters."""
+        filters = next((device for device in self.devices.values() if isinstance(device, FilterDevice)), None)
+        if filters is not None:
+            return tuple(held.wavelength_nm for held in filters.filters.values())
+        return () if self.lamp.wavelength_nm is None else (self.lamp.wavelength_nm,)
+
+    def index(self, wavelength_nm: float | None = None) -> complex:
+        """Refractive index n + ik of the sample at a wavelength; without one, at the first that there is."""
         if self.sample.index is not None:
             return complex(self.sample.index.n, self.sample.index.k)
         assert self.sample.material is not None
-        return materials.index(self.sample.material, self.lamp.wavelength_nm)
+        return materials.index(self.sample.material, wavelength_nm or self.wavelengths_nm()[0])
 
-    def truth(self) -> dict[str, float]:
-        """The parameters that a fit of this scene should find: sigma, n, k, weights, and what asymmetry there is."""
-        index, sample = self.index(), self.sample
+    def truth(self, wavelength_nm: float | None = None) -> dict[str, float]:
+        """The parameters that a fit of this scene should find at a wavelength, as `index` takes it.
+
+        They are sigma, n, k, weights, and what asymmetry there is.
+        """
+        index, sample = self.index(wavelength_nm), self.sample
         return {
             "sigma": sample.sigma,
             "n": index.real,

@@ -20,6 +20,7 @@ from sim_devices.device import Device
 from sim_devices.effects.entry import Effect
 from sim_devices.effects.known import IN_ORDER, name_of
 from sim_devices.effects.measurement import Measurement, Moment, Stokes
+from sim_devices.filters import Filters
 from sim_devices.generator import RotatingGenerator
 from sim_devices.past import Past
 from sim_devices.scene import Scene
@@ -53,6 +54,8 @@ class World:
         Solid angle that the detector accepts.
     devices : dict of str to Device
         What answers at the devices' ports, by their names in the scene.
+    filters : Filters or None
+        What stands between lamp and sample; None where the lamp itself has one wavelength.
     angle_deg : dict of str to callable
         Where what an axis turns truly is at a time, by the axis' role; without effects the motor's position itself.
     arriving_w : callable
@@ -76,6 +79,7 @@ class World:
         self.analyzer: Analyzer
         self.generator: RotatingGenerator | None = None
         self.acceptance_sr: float
+        self.filters: Filters | None = None
         self.devices: dict[str, Device] = {}
         # a rotating analyzer is carried by an axis that another device puts there
         for name, entry in sorted(scene.devices.items(), key=lambda item: item[1].part != "axes"):
@@ -89,12 +93,8 @@ class World:
         for effect in _in_order(scene.effects):
             effect.install(self)
         self.contact_watch = ContactWatch(scene.bodies, self.axes, self.angle_deg) if scene.bodies else None
-        self._sample: Surface | Acceptance = surface(scene)
-        if self.detector_half_angle_rad or self.source_half_angle_rad:
-            self._sample = Acceptance(surface(scene), self.detector_half_angle_rad, self.source_half_angle_rad)
-        # compiles the surface now, before a device has to answer in time
-        self._answer(0.0, 0.5, 0.0)
-        # what was seen last, a Stokes vector or a matrix, which stays as long as the arms do
+        self._samples = {wavelength_nm: self._sample(wavelength_nm) for wavelength_nm in scene.wavelengths_nm()}
+        # what was seen last, a Stokes vector or a matrix, which stays as long as the arms and the filter do
         self._seen: tuple[tuple[float, ...], Stokes] | None = None
         self._measurements = past.measurements
 
@@ -119,6 +119,23 @@ class World:
             time_s + exposure_s / 2, exposure_s, lit, seed=self.scene.seed, number=self._measurements - 1
         )
 
+    def wavelength_nm(self, time_s: float) -> float:
+        """The wavelength of the light at a time."""
+        if self.filters is not None:
+            return self.filters.wavelength_nm(time_s)
+        assert self.scene.lamp.wavelength_nm is not None, "a scene without filters is only accepted with it"
+        return self.scene.lamp.wavelength_nm
+
+    def _sample(self, wavelength_nm: float) -> Surface | Acceptance:
+        sample: Surface | Acceptance = surface(self.scene, wavelength_nm)
+        if self.detector_half_angle_rad or self.source_half_angle_rad:
+            sample = Acceptance(
+                surface(self.scene, wavelength_nm), self.detector_half_angle_rad, self.source_half_angle_rad
+            )
+        # compiles the surface now, before a device has to answer in time
+        self._answer(sample, 0.0, 0.5, 0.0)
+        return sample
+
     def describe(self) -> str:
         """Which effects are between motors and readings, in order, and which are not there at all."""
         present = [effect.title for effect in _in_order(self.scene.effects)]
@@ -136,22 +153,30 @@ class World:
 
     def _reflected_w(self, moment: Moment) -> Stokes:
         """What the sample sends to the detector, for the share of the time in which the lamp's light gets through."""
-        time_s = moment.middle_s
-        angles_deg = tuple(self.angle_deg[role](time_s) for role in _DIRECTION if role in self.angle_deg)
-        if self._seen is None or self._seen[0] != angles_deg:
-            self._seen = angles_deg, self._seen_at(*angles_deg)
+        time_s, lit = moment.middle_s, moment.lit
+        if self.filters is not None:
+            passed = self.filters.in_beam(time_s)
+            lit *= 0.0 if passed is None else passed.transmission
+        angles_deg = (self.angle_deg[role](time_s) for role in _DIRECTION if role in self.angle_deg)
+        place = (self.wavelength_nm(time_s), *angles_deg)
+        if self._seen is None or self._seen[0] != place:
+            self._seen = place, self._seen_at(*place)
         seen = self._seen[1]
         if self.generator is not None:
             seen = seen @ self.generator.stokes(time_s, self.lamp_stokes)
-        return seen if moment.lit == 1 else moment.lit * seen
+        return seen if lit == 1 else lit * seen
 
-    def _answer(self, incidence_rad: float, exit_rad: float, azimuth_rad: float) -> Stokes:
-        """What the sample makes of the lamp's light, (4,); behind a generator, which turns, of all light, (4, 4)."""
+    def _answer(
+        self, sample: Surface | Acceptance, incidence_rad: float, exit_rad: float, azimuth_rad: float
+    ) -> Stokes:
+        """What a sample makes of the lamp's light, (4,); behind a generator, which turns, of all light, (4, 4)."""
         if self.generator is not None:
-            return self._sample.mueller(incidence_rad, exit_rad, azimuth_rad)
-        return self._sample.stokes(incidence_rad, exit_rad, azimuth_rad, self.lamp_stokes)
+            return sample.mueller(incidence_rad, exit_rad, azimuth_rad)
+        return sample.stokes(incidence_rad, exit_rad, azimuth_rad, self.lamp_stokes)
 
-    def _seen_at(self, source_arm_deg: float, detector_arm_deg: float, detector_azimuth_deg: float = 0.0) -> Stokes:
+    def _seen_at(
+        self, wavelength_nm: float, source_arm_deg: float, detector_arm_deg: float, detector_azimuth_deg: float = 0.0
+    ) -> Stokes:
         """Power acceptance cos(exit) Stokes or Mueller; nothing when lamp or detector is below the sample's horizon.
 
         The detector's azimuth turns the detector arm, and the analyzer on it, about the sample's normal: the analyzer's
@@ -165,7 +190,8 @@ class World:
             incidence_deg, exit_deg = -incidence_deg, -exit_deg
         exit_rad, azimuth_rad = in_plane(math.radians(exit_deg))
         phi_rad = float(azimuth_rad) + math.radians(detector_azimuth_deg)
-        answer = self._answer(math.radians(incidence_deg), float(exit_rad), phi_rad)
+        sample = self._samples[wavelength_nm]
+        answer = self._answer(sample, math.radians(incidence_deg), float(exit_rad), phi_rad)
         reaching_w = self.scene.lamp.power_w * self.acceptance_sr * math.cos(math.radians(exit_deg))
         return reaching_w * answer
 
@@ -180,9 +206,9 @@ def _in_order(effects: Sequence[Effect]) -> list[Effect]:
     return sorted(effects, key=lambda effect: IN_ORDER.index(type(effect)))
 
 
-def surface(scene: Scene) -> Surface:
-    """The sample's surface, made of those lobes whose weight is not zero."""
-    sample, index = scene.sample, scene.index()
+def surface(scene: Scene, wavelength_nm: float | None = None) -> Surface:
+    """The sample's surface at a wavelength, made of those lobes whose weight is not zero; as `Scene.index` takes it."""
+    sample, index = scene.sample, scene.index(wavelength_nm)
     lobes = (
         Specular(sample.rho_s, sample.sigma, index, sample.asymmetry, sample.bounces),
         Diffuse(sample.rho_d, sample.sigma),

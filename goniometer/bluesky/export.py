@@ -12,6 +12,7 @@ from acquisition.event_model import Document, RunEnd, documents, line, write_doc
 from acquisition.journal import Journal
 from acquisition.readings import Reading, StokesPoint
 from acquisition.recipe import Recipe
+from acquisition.wavelengths import by_wavelength
 from goniometer.errors import JournalError
 from goniometer.planning import plan, reduction
 from goniometer.rig_file import Rig
@@ -49,7 +50,11 @@ def run_documents(folder: Path) -> Iterator[Document]:
     with Journal.open(folder / journal.FILE_NAME) as stored:
         readings, about = stored.readings(), stored.about()
     recipe, rig, calibration = remembered(folder, about)
-    points = reduction(recipe, rig, calibration).scan(readings)
+    points = tuple(
+        point
+        for wavelength_nm, of_one in by_wavelength(recipe, readings).items()
+        for point in reduction(recipe.at_wavelength(wavelength_nm), rig, calibration).scan(of_one)
+    )
     return documents(
         name=folder.resolve().name,
         begun_unix_s=_begun_unix_s(folder.resolve()),

@@ -70,7 +70,7 @@ def assumed_sample(setup: Setup, assumptions: Sequence[str]) -> AssumedSample:
     values = {name: NOMINAL[name] for name in family.instrument}
     sources = []
     if setup.scene is not None:
-        truth = {"asymmetry": setup.scene.sample.asymmetry, **setup.scene.truth()}
+        truth = {"asymmetry": setup.scene.sample.asymmetry, **setup.scene.truth(setup.recipe.one_wavelength_nm)}
         values |= {name: truth[plain] for name in family.names if (plain := name.rpartition(".")[2]) in truth}
         sources.append(str(setup.scene_path))
     uncertain: dict[str, float] = {}

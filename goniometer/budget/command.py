@@ -77,6 +77,14 @@ def run_budget(asked: BudgetAsked) -> BudgetReport:
         raise ConfigurationError(
             [f"{asked.recipe}: measures Mueller matrices, and budget foresees the errors of Stokes parameters alone."]
         )
+    if len(recipe.wavelengths_nm()) > 1:
+        listed = ", ".join(f"{wavelength_nm:g}" for wavelength_nm in recipe.wavelengths_nm())
+        raise ConfigurationError(
+            [
+                f"{asked.recipe} measures at several wavelengths ({listed} nm), each with a fit of its own. Nothing "
+                "was predicted. Write one of them as wavelength_nm, and ask for each."
+            ]
+        )
     sample = assumed_sample(setup, asked.assumptions)
     names = [shown(name) for name in sample.values]
     if asked.wanted is not None and asked.wanted not in names:

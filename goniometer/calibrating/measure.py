@@ -81,7 +81,7 @@ def _turned(setup: CalibrationSetup, setting_deg: float, number: int) -> Calibra
 
 def _scan(setup: CalibrationSetup, setting_deg: float | None, out: Path, speed: Speed | None, tell: Tell) -> Path:
     recipe, rig = setup.recipe, setup.rig
-    steps = calibration_steps(recipe, slots(rig), timing(rig))
+    steps = calibration_steps(recipe, slots(rig, recipe.wavelength_nm), timing(rig))
     duration_s = sum(step.duration_s for step in steps)
 
     def publish(event: Event) -> None:

@@ -49,7 +49,7 @@ def stored_scan(folder: Path) -> StoredScan:
             "that goniometer calibrate has made."
         )
     recipe, rig = CalibrationRecipe.model_validate(content), Rig.model_validate(yaml.safe_load(about["rig"]))
-    planned = sum(step.readings for step in calibration_steps(recipe, slots(rig), timing(rig)))
+    planned = sum(step.readings for step in calibration_steps(recipe, slots(rig, recipe.wavelength_nm), timing(rig)))
     if len(readings) < planned:
         raise ReductionError(
             f"{folder} was cut short: it holds {len(readings)} of {planned} readings. Measure it again."

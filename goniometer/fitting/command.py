@@ -11,12 +11,13 @@ from acquisition.fit_choice import FitChoice
 from acquisition.fit_points import dataset
 from acquisition.journal import FILE_NAME
 from acquisition.whole_file import written_whole
-from goniometer.errors import GoniometerError
+from goniometer.errors import FitError, GoniometerError
 from goniometer.fitting.as_json import fit_json
 from goniometer.fitting.input import fit_input, overridden, read_input, usual_choice, with_recipe
 from goniometer.fitting.intervals import Intervals, intervals
 from goniometer.fitting.summary import fit_summary
 from goniometer.run_folder import stored_run, write_results
+from goniometer.spectrum import FittedSpectrum
 from model.fit import Dataset, FitResult
 
 
@@ -58,7 +59,7 @@ def fit_one(
     *,
     profiled: Sequence[str] = (),
     bootstrapped: int = 0,
-) -> Fitted:
+) -> Fitted | FittedSpectrum:
     """Fit a run, a NeXus file or a table.
 
     A run that is fitted as its own recipe says gets its results written anew; otherwise nothing is written.
@@ -101,10 +102,14 @@ def fit_one(
     return Fitted(path, given.data, choice, given.truth, result, found, tuple(notes))
 
 
-def _fit_again(path: Path, profiled: Sequence[str], bootstrapped: int) -> Fitted:
+def _fit_again(path: Path, profiled: Sequence[str], bootstrapped: int) -> Fitted | FittedSpectrum:
     stored = stored_run(path)
+    if stored.spectrum and (profiled or bootstrapped):
+        raise FitError(f"{stored.folder} has a fit for each wavelength. Leave --profile and --bootstrap out.")
     interruptions = stored.about.get("interruptions", "").splitlines()
     notes = (*stored.doubts, *interruptions, *(f"wrote {written}" for written in write_results(stored)))
+    if stored.spectrum:
+        return FittedSpectrum(stored, notes)
     if stored.fit is None:
         error = GoniometerError(f"{stored.folder}: {len(stored.points)} points could not be fitted: {stored.refusal}")
         for note in notes:

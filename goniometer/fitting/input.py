@@ -71,6 +71,12 @@ class FitInput:
     notes: tuple[str, ...] = ()
 
 
+_SEVERAL = (
+    "{path} was measured at several wavelengths, and a surface has one refractive index in a fit. Nothing was fitted. "
+    "Fit the run as its recipe says, goniometer fit RUN without options, or a table with the rows of one wavelength."
+)
+
+
 def read_input(path: Path) -> FitInput:
     """Read measured data, whatever they are stored in; reduces the readings of a run, and fits nothing.
 
@@ -91,8 +97,10 @@ def read_input(path: Path) -> FitInput:
     path = Path(path)
     if path.is_dir() or path.name == FILE_NAME:
         run = measured(path)
+        if run.at_each:
+            raise FitError(_SEVERAL.format(path=path))
         data = dataset(run.points, run.folder.name)
-        truth = scene_truth(run.about["scene"])
+        truth = scene_truth(run.about["scene"], run.recipe.one_wavelength_nm)
         notes = (*run.doubts, _SHARED) if any(refits(run)) else run.doubts
         return FitInput(run.folder, data, run.recipe.fit, run.rig.calibration.acceptance_sr, truth, notes)
     if not path.exists():
@@ -117,12 +125,14 @@ def read(path: str | Path) -> Dataset:
 def _remembered(given: FitInput, about: Mapping[str, str]) -> FitInput:
     """What the texts in a NeXus file add to its data."""
     try:
+        wavelength_nm = None
         if about.get("recipe"):
-            given = replace(given, choice=Recipe.model_validate(yaml.safe_load(about["recipe"])).fit)
+            recipe = Recipe.model_validate(yaml.safe_load(about["recipe"]))
+            given, wavelength_nm = replace(given, choice=recipe.fit), recipe.wavelengths_nm()[0]
         if about.get("rig"):
             rig = Rig.model_validate(yaml.safe_load(about["rig"]))
             given = replace(given, acceptance_sr=rig.calibration.acceptance_sr)
-        return replace(given, truth=scene_truth(about.get("scene", "")))
+        return replace(given, truth=scene_truth(about.get("scene", ""), wavelength_nm))
     except (ValidationError, yaml.YAMLError) as error:
         raise FitError(
             f"{given.path}: the recipe, rig or scene that the file remembers cannot be used: {error}. Nothing was "

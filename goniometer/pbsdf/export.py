@@ -48,7 +48,7 @@ def export_pbsdf(run: str | Path, path: str | Path) -> Table:
         raise FitError(f"{stored.folder} has no fit, so there is no surface to export: {stored.refusal}")
     table = tabulated(_for_many_directions(stored.fit.surface))
     description = (
-        f"{stored.recipe.recipe}: model fitted at {stored.recipe.wavelength_nm:g} nm and "
+        f"{stored.recipe.recipe}: model fitted at {stored.recipe.one_wavelength_nm:g} nm and "
         f"{_incidences(stored.recipe)} degrees of incidence; all wavelengths of this table have the same matrices. "
         f"{stored.fit.description}"
     )

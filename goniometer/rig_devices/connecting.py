@@ -7,6 +7,7 @@ from contextlib import ExitStack
 from dataclasses import dataclass, field
 from typing import Any, Protocol, TypeVar, runtime_checkable
 
+from acquisition.filters import Filters
 from acquisition.protocols import Analyzer, Detector
 from drivers.axis import Axis
 from drivers.clock import Clock
@@ -77,6 +78,7 @@ class Connecting:
     analyzers: dict[str, Analyzer] = field(default_factory=dict)
     generators: dict[str, Analyzer] = field(default_factory=dict)
     detectors: dict[str, Detector] = field(default_factory=dict)
+    filters: Filters | None = None
     notes: list[str] = field(default_factory=list)
     identities: dict[str, str] = field(default_factory=dict)
     _shared: dict[str, Any] = field(default_factory=dict)

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Union
 from pydantic import Field
 
 from goniometer.rig_devices.entry import DeviceEntry
+from goniometer.rig_devices.filters import ThorlabsFw102cFiltersEntry
 from goniometer.rig_devices.newport_esp301 import NewportEsp301Entry
 from goniometer.rig_devices.oriental_az import OrientalAzEntry
 from goniometer.rig_devices.rotating_generator import RotatingGeneratorEntry
@@ -33,6 +34,7 @@ _OWN: tuple[type[DeviceEntry], ...] = (
     ThorlabsElliptecEntry,
     ThorlabsElliptecSliderEntry,
     ThorlabsFw102cEntry,
+    ThorlabsFw102cFiltersEntry,
     ThorlabsPm100Entry,
 )
 

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Union
 from pydantic import Field
 
 from sim_devices.bench_devices.entry import SimulatedDevice
+from sim_devices.bench_devices.filters import ThorlabsFw102cFiltersDevice
 from sim_devices.bench_devices.newport_esp301 import NewportEsp301Device
 from sim_devices.bench_devices.offers import names_of, offers
 from sim_devices.bench_devices.oriental_az import OrientalAzDevice
@@ -33,6 +34,7 @@ _OWN: tuple[type[SimulatedDevice], ...] = (
     ThorlabsElliptecDevice,
     ThorlabsElliptecSliderDevice,
     ThorlabsFw102cDevice,
+    ThorlabsFw102cFiltersDevice,
     ThorlabsPm100Device,
 )
 

@@ -24,9 +24,10 @@ class ShotNoise(Effect):
     def install(self, world: World) -> None:
         """Count photons: a Poisson number, so the variance is power times photon energy over exposure."""
         signal_w = world.signal_w
-        photon_j = _PLANCK_J_S * _LIGHT_SPEED_M_S / (world.scene.lamp.wavelength_nm * 1e-9)
+        wavelength_nm = world.wavelength_nm
 
         def counted_w(measurement: Measurement) -> float:
+            photon_j = _PLANCK_J_S * _LIGHT_SPEED_M_S / (wavelength_nm(measurement.middle_s) * 1e-9)
             photon_w = photon_j / measurement.exposure_s
             return float(measurement.random.poisson(signal_w(measurement) / photon_w)) * photon_w
 

@@ -39,7 +39,7 @@ def test_readings_come_back_as_they_were(tmp_path):
             journal.append(one)
     with Journal.open(tmp_path / "j") as journal:
         assert journal.readings() == tuple(taken)
-        assert journal.about() == {**ABOUT, "format": "4"}
+        assert journal.about() == {**ABOUT, "format": "5"}
 
 
 def test_the_retarder_comes_back_too(tmp_path):
@@ -61,12 +61,13 @@ def test_the_generator_comes_back_too(tmp_path):
 
 
 def test_a_journal_from_before_generators_is_read_with_its_interruptions(tmp_path):
-    """As the third format was written: with interruptions, and without the generator's columns."""
+    """As the third format was written: with interruptions, and without the columns of later ones."""
     with Journal.create(tmp_path / "j", ABOUT) as journal:
         journal.append(reading(3))
         journal.begin_again("2026-01-31T12:00:00+00:00", "goniometer 1 on a computer")
     with closing(sqlite3.connect(tmp_path / "j", isolation_level=None)) as connection:
-        for name in ("generator_slot", "generator_deg", "generator_retarder_deg", "generator_retardance_deg"):
+        generator = ("generator_slot", "generator_deg", "generator_retarder_deg", "generator_retardance_deg")
+        for name in ("exit_azimuth_deg", *generator, "wavelength_nm"):
             connection.execute(f"ALTER TABLE readings DROP COLUMN {name}")
         connection.execute("UPDATE about SET value = '3' WHERE key = 'format'")
     with Journal.open(tmp_path / "j") as journal:
@@ -119,20 +120,31 @@ def test_a_journal_from_before_retarders_is_read_as_without_one(tmp_path):
         assert journal.readings() == (reading(3),)
 
 
-def test_a_journal_from_before_exit_azimuths_is_read_as_without_one(tmp_path):
-    """As the third format was written: the same table without one column."""
+def test_a_journal_from_before_wavelengths_is_read_as_without_them(tmp_path):
+    """As the fourth format was written: the same table without a column."""
+    taken = replace(reading(3), exit_azimuth_deg=12.5, generator_slot=2, generator_deg=45.0)
     with Journal.create(tmp_path / "j", ABOUT) as journal:
-        journal.append(reading(3))
-        journal._connection.execute("ALTER TABLE readings DROP COLUMN exit_azimuth_deg")
-        journal._connection.execute("UPDATE about SET value = '3' WHERE key = 'format'")
+        journal.append(taken)
+        journal._connection.execute("ALTER TABLE readings DROP COLUMN wavelength_nm")
+        journal._connection.execute("UPDATE about SET value = '4' WHERE key = 'format'")
     with Journal.open(tmp_path / "j") as journal:
-        assert journal.readings() == (reading(3),)
+        assert journal.readings() == (taken,)
+
+
+def test_exit_azimuth_and_wavelength_come_back(tmp_path):
+    taken = replace(reading(3), exit_azimuth_deg=12.5, wavelength_nm=580.0)
+    with Journal.create(tmp_path / "new", ABOUT) as journal:
+        journal.append(taken)
+    with Journal.open(tmp_path / "new") as journal:
+        assert journal.readings() == (taken,)
 
 
 def test_a_journal_of_a_later_version_is_refused_with_its_format(tmp_path):
     with Journal.create(tmp_path / "j", ABOUT) as journal:
-        journal._connection.execute("UPDATE about SET value = '5' WHERE key = 'format'")
-    with pytest.raises(JournalError, match=r"has journal format 5; this version of goniometer reads 1, 2, 3 and 4\."):
+        journal._connection.execute("UPDATE about SET value = '6' WHERE key = 'format'")
+    with pytest.raises(
+        JournalError, match=r"has journal format 6; this version of goniometer reads 1, 2, 3, 4 and 5\."
+    ):
         Journal.open(tmp_path / "j")
 
 

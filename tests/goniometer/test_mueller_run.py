@@ -1,11 +1,13 @@
 """Mueller matrices from the bench to the files: whole ones, parts of them, their signs, and what is refused."""
 
 import copy
+import csv
 import math
 import re
 from collections import Counter
 from pathlib import Path
 
+import h5py
 import numpy as np
 import pytest
 import yaml
@@ -20,6 +22,7 @@ from goniometer.check import describe_plan
 from goniometer.errors import ConfigurationError
 from goniometer.load_files import load_recipe
 from goniometer.run_folder import measured
+from model import materials
 from model.lobes import Diffuse, Directional, Specular
 from model.surface import Surface
 
@@ -59,6 +62,15 @@ class Files:
         del self.recipe["generator_retarder_deg"]
         return self
 
+    def with_filters(self, *wavelengths_nm):
+        filters = {slot: {"wavelength_nm": wavelength_nm} for slot, wavelength_nm in enumerate(wavelengths_nm, 1)}
+        driven = {"driver": "thorlabs_fw102c_filters", "port": "simulated", "slot_s": 0.5, "settle_s": 0.05}
+        self.rig["devices"]["filters"] = {**driven, "filters": filters}
+        self.scene["devices"]["filters"] = {"type": "thorlabs_fw102c_filters", "filters": filters}
+        del self.scene["lamp"]["wavelength_nm"]
+        self.recipe["wavelength_nm"] = list(wavelengths_nm)
+        return self
+
     def with_wheel_as_analyzer(self):
         driven = {"driver": "thorlabs_fw102c", "port": "simulated", "slots": WHEEL, "slot_s": 0.5, "settle_s": 0.05}
         self.rig["devices"]["analyzer"] = driven
@@ -86,12 +98,12 @@ def mueller(exit_deg, lobes=LOBES):
     return Surface(lobes).mueller(math.radians(60.0), math.radians(abs(exit_deg)), azimuth)
 
 
-def require_within_noise(points):
+def require_within_noise(points, lobes=LOBES):
     """Every element of all directions within its errors, by the chi-square of the scan; and each by itself."""
     chi_square = count = 0
     for point in points:
         rows, columns = point.mueller.shape
-        miss = (point.mueller - mueller(point.exit_deg)[:rows, :columns]).ravel()
+        miss = (point.mueller - mueller(point.exit_deg, lobes)[:rows, :columns]).ravel()
         pull = np.linalg.solve(np.linalg.cholesky(point.mueller_covariance), miss)
         assert np.abs(miss / np.sqrt(np.diagonal(point.mueller_covariance))).max() < 5
         chi_square, count = chi_square + pull @ pull, count + pull.size
@@ -135,6 +147,27 @@ def test_the_same_numbers_stand_in_journal_table_nexus_and_dataset(run):
     assert float(covariance) == run.points[2].mueller_covariance[4 * 2 + 1, 4 * 3 + 2]
     assert_array_equal(first["mueller_stderr_per_sr"].sel(stokes="S2", incoming="S3") ** 2, covariance_at(run, 2, 11))
     assert_array_equal(labelled["reading_generator_retarder_deg"], [one.generator_retarder_deg for one in readings])
+
+
+def test_each_wavelength_has_its_matrices_in_the_run_the_table_and_the_nexus_file(tmp_path):
+    """Those of iron at each: n and k follow the wavelength, and every file says which matrix is of which."""
+    listed_nm = (525.0, 580.0)
+    run = Files().with_filters(*listed_nm).run(tmp_path)
+    assert [point.wavelength_nm for point in run.points] == [525.0] * 6 + [580.0] * 6
+    for wavelength_nm in listed_nm:
+        index = materials.index("Fe", wavelength_nm)
+        lobes = [Specular(0.7, 0.1764, index), Diffuse(0.1, 0.1764), Directional(0.05, 0.1764, index)]
+        require_within_noise([point for point in run.points if point.wavelength_nm == wavelength_nm], lobes)
+    with (run.folder / "mueller.csv").open(encoding="utf-8") as table:
+        rows = list(csv.DictReader(line for line in table if not line.startswith("#")))
+    assert [(float(row["wavelength_nm"]), float(row["m33"])) for row in rows] == [
+        (point.wavelength_nm, point.mueller[3, 3]) for point in run.points
+    ]
+    with h5py.File(run.folder / "scan.nxs") as nexus:
+        assert_array_equal(nexus["entry/mueller/wavelength"], [point.wavelength_nm for point in run.points])
+    labelled = goniometer.load(run.folder)
+    there = labelled.sel(wavelength_nm=580.0).isel(exit_deg=4)
+    assert_array_equal(there["mueller_per_sr"], run.points[10].mueller)
 
 
 def covariance_at(run, point, element):

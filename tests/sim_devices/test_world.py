@@ -109,13 +109,14 @@ def test_a_reading_is_of_the_geometry_at_its_middle(scene_with):
 
 def test_the_sample_is_computed_once_while_the_arms_stand_and_anew_when_one_has_moved(scene_with, monkeypatch):
     world, computed = World(scene_with()), []
-    stokes = world._sample.stokes
+    (sample,) = world._samples.values()
+    stokes = sample.stokes
 
     def noted(*geometry):
         computed.append(geometry)
         return stokes(*geometry)
 
-    monkeypatch.setattr(world._sample, "stokes", noted)
+    monkeypatch.setattr(sample, "stokes", noted)
     aimed(world, 50, 20, 1)
     powers_w = [world.power_w(time_s) for time_s in (100.0, 101.0, 102.0)]
     assert (len(computed), len(set(powers_w))) == (1, 1)
