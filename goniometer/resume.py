@@ -37,9 +37,10 @@ from goniometer.resume_checks import (
     rig_to_go_on_with,
     version_notes,
 )
-from goniometer.run_folder import StoredRun, remembered, stored_run, write_results
+from goniometer.run_folder import StoredRun, remembered, stored_run
 from goniometer.run_lock import sole_writer
 from goniometer.run_recipe import results
+from goniometer.run_results import write_results
 from goniometer.scanning import scan
 from goniometer.signals import Interruption
 from goniometer.standing import come_to_rest, out_of_place

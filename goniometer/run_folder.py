@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
@@ -16,34 +15,20 @@ from acquisition.calibrated_slots import SlotCalibration
 from acquisition.doubts import skipped
 from acquisition.fit_points import dataset, fit_arguments, named_in_degrees, surface_family
 from acquisition.journal import Journal
-from acquisition.mueller_csv import write_mueller_csv
-from acquisition.nexus import write_nexus
 from acquisition.orders import skipped_points
-from acquisition.readings import MuellerPoint, Reading, StokesPoint
+from acquisition.readings import Reading, StokesPoint
 from acquisition.recipe import Recipe
-from acquisition.stokes_csv import write_stokes_csv
 from acquisition.suspend import suspensions
 from acquisition.wavelengths import by_wavelength
-from acquisition.whole_file import written_whole
 from goniometer.errors import FitError, JournalError, ReductionError
-from goniometer.fitted_curve import fitted_curve
-from goniometer.fitting.as_json import fit_json
-from goniometer.planning import averaged, noise, reduction
-from goniometer.report import draw_report
+from goniometer.planning import averaged, reduction
 from goniometer.rig_file import Rig
-from goniometer.scan_planes import scan_planes
 from goniometer.shared_errors import refits, with_shared_errors
-from goniometer.spectrum import spectrum_json
-from goniometer.spectrum_picture import draw_spectrum
 from model.fit import FitResult, SurfaceFamily, fit
 from sim_devices.scene import Scene
 
 _LONGEST_NAME = 60
 """Of a recipe's name as much goes into the folder's; some systems allow no more than 143 characters."""
-
-
-_MOST_PLANES = 100
-"""Planes that have colours and curves of their own; a picture of scattered directions shows points alone."""
 
 
 @dataclass(frozen=True)
@@ -213,7 +198,7 @@ def _fitted(run: MeasuredRun) -> StoredRun:
     choice, result, refusal = run.recipe.fit, None, ""
     try:
         with named_in_degrees():
-            result = fit(dataset(run.points, run.folder.name), _family(run), **fit_arguments(choice))
+            result = fit(dataset(run.points, run.folder.name), fitted_family(run), **fit_arguments(choice))
             result = with_shared_errors(result, refits(run))
     except FitError as error:
         refusal = str(error)
@@ -226,64 +211,6 @@ def scene_truth(scene_text: str, wavelength_nm: float | None = None) -> dict[str
     return Scene.model_validate(yaml.safe_load(scene_text)).truth(wavelength_nm) if scene_text else {}
 
 
-def write_results(run: StoredRun) -> list[Path]:
-    """Write what a person looks at beside the journal: Stokes points, NeXus file, fit and report."""
-    csv, nexus, fit_json_path, report = (
-        run.folder / name for name in ("stokes.csv", "scan.nxs", "fit.json", "report.png")
-    )
-    write_stokes_csv(csv, run.points)
-    write_nexus(
-        nexus,
-        title=run.recipe.recipe,
-        readings=run.readings,
-        points=run.points,
-        fit=run.fit,
-        noise=noise(run.rig, run.recipe.wavelengths_nm()[0]),
-        provenance=run.about,
-    )
-    with written_whole(fit_json_path) as part:
-        part.write_text(_fit_json(run), encoding="utf-8")
-    written = [csv, nexus, fit_json_path, report, *_draw_all(report, run)]
-    if matrices := [point for point in run.points if isinstance(point, MuellerPoint)]:
-        written.append(run.folder / "mueller.csv")
-        write_mueller_csv(written[-1], matrices)
-    return written
-
-
-def _draw_all(report: Path, run: StoredRun) -> list[Path]:
-    """Draw the report; of several wavelengths the spectrum, and a page each, which are returned."""
-    if not run.spectrum:
-        _draw(report, run)
-        return []
-    draw_spectrum(report, run.spectrum)
-    pages = [run.folder / f"report_{one.recipe.one_wavelength_nm:g}nm.png" for one in run.spectrum]
-    for page, one in zip(pages, run.spectrum, strict=True):
-        _draw(page, one)
-    return pages
-
-
-def _draw(path: Path, run: StoredRun) -> None:
-    tolerances_deg = {role: axis.tolerance_deg for role, axis in run.rig.axes().items()}
-    planes, curves = scan_planes(run.points, tolerances_deg), []
-    if len(planes) > _MOST_PLANES:
-        planes = ()
-    if run.fit is not None:
-        for plane in planes:
-            points = [run.points[row] for row in plane.rows.tolist()]
-            curves.append(fitted_curve(points, _family(run), run.fit))
-    title, fit, truth = run.recipe.recipe, run.fit, run.truth
-    if path.name != "report.png":
-        title += f", {run.recipe.one_wavelength_nm:g} nm"
-    draw_report(path, title=title, points=run.points, fit=fit, curves=curves, truth=truth, planes=planes)
-
-
-def _family(run: MeasuredRun) -> SurfaceFamily:
+def fitted_family(run: MeasuredRun) -> SurfaceFamily:
+    """The surfaces that a run is fitted by."""
     return surface_family(run.recipe.fit, run.rig.calibration.acceptance_sr)
-
-
-def _fit_json(run: StoredRun) -> str:
-    if run.spectrum:
-        return spectrum_json(run.spectrum)
-    if run.fit is None:
-        return json.dumps({"parameters": {}, "refusal": run.refusal}, indent=2) + "\n"
-    return fit_json(run.fit, run.recipe.fit, run.truth, points=len(run.points), readings=len(run.readings))

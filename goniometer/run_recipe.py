@@ -18,8 +18,9 @@ from goniometer.attended import Attended
 from goniometer.bench import Speed, access
 from goniometer.load_files import Setup, load_recipe
 from goniometer.provenance import devices_text, provenance
-from goniometer.run_folder import StoredRun, new_run_folder, stored_run, write_results
+from goniometer.run_folder import StoredRun, new_run_folder, stored_run
 from goniometer.run_lock import sole_writer
+from goniometer.run_results import write_results
 from goniometer.scanning import scan
 from goniometer.signals import Interruption
 from goniometer.spectrum import spectrum_fitted

@@ -16,7 +16,8 @@ from goniometer.fitting.as_json import fit_json
 from goniometer.fitting.input import fit_input, overridden, read_input, usual_choice, with_recipe
 from goniometer.fitting.intervals import Intervals, intervals
 from goniometer.fitting.summary import fit_summary
-from goniometer.run_folder import stored_run, write_results
+from goniometer.run_folder import stored_run
+from goniometer.run_results import write_results
 from goniometer.spectrum import FittedSpectrum
 from model.fit import Dataset, FitResult
 

@@ -23,8 +23,9 @@ from goniometer.check import describe_plan
 from goniometer.errors import ConfigurationError, FitError
 from goniometer.load_files import load_recipe
 from goniometer.planning import plan
-from goniometer.run_folder import _draw, stored_run
+from goniometer.run_folder import stored_run
 from goniometer.run_recipe import run
+from goniometer.run_results import draw
 from goniometer.scan_planes import scan_planes
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -168,7 +169,7 @@ def test_the_picture_has_a_curve_for_each_plane(scanned, monkeypatch, tmp_path):
     assert [plane.rows.tolist() for plane in planes] == [list(range(first, first + 8)) for first in (0, 8, 16)]
     figures = []
     monkeypatch.setattr(Figure, "savefig", lambda self, path, **_: (figures.append(self), Path(path).touch()))
-    _draw(tmp_path / "report.png", stored)
+    draw(tmp_path / "report.png", stored)
     (figure,) = figures
     texts = [text.get_text() for text in figure.legends[1].get_texts()]
     assert texts[0] == "incidence, exit azimuth: 60.00°, -35.00°"

@@ -98,10 +98,10 @@ def test_each_plane_has_a_colour_and_a_curve_of_its_own(planes, tmp_path, monkey
     figures = []
     monkeypatch.setattr(Figure, "savefig", lambda figure, *args, **options: figures.append(figure))
     from goniometer import report
-    from goniometer.run_folder import _draw
+    from goniometer.run_results import draw
 
     monkeypatch.setattr(report, "written_whole", _nothing_written)
-    _draw(tmp_path / "report.png", stored)
+    draw(tmp_path / "report.png", stored)
     (figure,) = figures
     (s0,) = [axes for axes in figure.axes if axes.get_title("left") == "$S_0$ (1/sr)"]
     curves = [line for line in s0.lines if len(line.get_xdata()) > 100]
