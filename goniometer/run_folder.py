@@ -109,6 +109,17 @@ def measured(folder: str | Path) -> MeasuredRun:
     ReductionError
         When the readings cannot be reduced, or no direction was finished.
     """
+    run = as_far_as_measured(folder)
+    if not run.points:
+        raise ReductionError(
+            f"{run.folder} holds {len(run.readings)} readings and not one finished direction: there is nothing to "
+            "reduce."
+        )
+    return run
+
+
+def as_far_as_measured(folder: str | Path) -> MeasuredRun:
+    """Read a run back as `measured` does, also one that has no finished direction and so no points."""
     folder = Path(folder)
     if folder.name == journal.FILE_NAME:
         folder = folder.parent
@@ -127,10 +138,6 @@ def measured(folder: str | Path) -> MeasuredRun:
         for wavelength_nm, of_one in by_wavelength(recipe, readings).items()
     ]
     points = tuple(point for run in runs for point in run.points)
-    if not points:
-        raise ReductionError(
-            f"{folder} holds {len(readings)} readings and not one finished direction: there is nothing to reduce."
-        )
     found = tuple(filter(None, [damage, skipped(skipped_points(about))]))
     if len(recipe.wavelengths_nm()) == 1:
         return replace(runs[0], doubts=(*found, *runs[0].doubts))

@@ -3,20 +3,14 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping
 from datetime import datetime
 from pathlib import Path
 
 from acquisition import journal
 from acquisition.event_model import Document, RunEnd, documents, line, write_documents
-from acquisition.journal import Journal
-from acquisition.readings import Reading, StokesPoint
-from acquisition.recipe import Recipe
-from acquisition.wavelengths import by_wavelength
 from goniometer.errors import JournalError
-from goniometer.planning import plan, reduction
-from goniometer.rig_file import Rig
-from goniometer.run_folder import remembered
+from goniometer.run_folder import as_far_as_measured
 
 
 def export_event_model(folder: Path, out: Path | None) -> None:
@@ -46,39 +40,23 @@ def export_event_model(folder: Path, out: Path | None) -> None:
 
 def run_documents(folder: Path) -> Iterator[Document]:
     """The documents of a stored run; see `export_event_model`."""
-    folder = folder.parent if folder.name == journal.FILE_NAME else folder
-    with Journal.open(folder / journal.FILE_NAME) as stored:
-        readings, about = stored.readings(), stored.about()
-    recipe, rig, calibration = remembered(folder, about)
-    points = tuple(
-        point
-        for wavelength_nm, of_one in by_wavelength(recipe, readings).items()
-        for point in reduction(recipe.at_wavelength(wavelength_nm), rig, calibration).scan(of_one)
-    )
+    run = as_far_as_measured(folder)
     return documents(
-        name=folder.resolve().name,
-        begun_unix_s=_begun_unix_s(folder.resolve()),
-        recipe=recipe,
-        readings=readings,
-        points=points,
-        end=_end(recipe, rig, readings, points),
-        provenance=about,
+        name=run.folder.resolve().name,
+        begun_unix_s=_begun_unix_s(run.folder.resolve()),
+        recipe=run.recipe,
+        readings=run.readings,
+        points=run.points,
+        end=_end(run.about),
+        provenance=run.about,
     )
 
 
-def _end(recipe: Recipe, rig: Rig, readings: Sequence[Reading], points: Sequence[StokesPoint]) -> RunEnd:
-    """How a run ended, as far as its readings tell."""
-    if not recipe.is_steered:
-        planned = sum(step.readings for step in plan(recipe, rig))
-        if len(readings) < planned:
-            return RunEnd("abort", f"{len(readings)} of {planned} readings were taken")
-    elif recipe.averaging is not None:
-        planned = len({step.point for step in plan(recipe, rig)})
-        if len(points) < planned:
-            return RunEnd("abort", f"{len(points)} of {planned} directions were finished")
-    elif not readings or len(points) < len({reading.point for reading in readings}):
-        return RunEnd("abort", f"the last direction was not finished; {len(readings)} readings were taken")
-    return RunEnd("success")
+def _end(about: Mapping[str, str]) -> RunEnd:
+    """How a run ended, as its journal says."""
+    if "ended" in about:
+        return RunEnd("success", about["ended"])
+    return RunEnd("abort", about.get(journal.STOPPED, "the program was killed, or the power failed"))
 
 
 def _begun_unix_s(folder: Path) -> float:

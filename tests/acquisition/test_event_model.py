@@ -14,7 +14,8 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 import goniometer
 from acquisition.event_model import RunEnd, documents, write_documents
-from acquisition.journal import FILE_NAME, Journal
+from acquisition.journal import FILE_NAME, STOPPED, Journal
+from acquisition.orders import ORDERED
 from goniometer.bluesky.export import export_event_model, run_documents
 from goniometer.errors import JournalError
 
@@ -36,7 +37,7 @@ def run(tmp_path_factory):
 def cut_short(run, folder, readings):
     """The journal of a run that was killed after so many readings."""
     folder.mkdir()
-    about = {key: text for key, text in run.about.items() if key != "format"}
+    about = {key: text for key, text in run.about.items() if key not in ("format", "ended")}
     with Journal.create(folder / FILE_NAME, about | {"a/b.c": "no such key is allowed"}) as stored:
         for reading in run.readings[:readings]:
             stored.append(reading)
@@ -118,12 +119,25 @@ def test_a_run_that_was_cut_short_says_so(run, tmp_path, readings, points):
     heard = validated(run_documents(cut_short(run, tmp_path / "2026-01-31T12-00-00-iron", readings)))
     stop = heard[-1][1]
     assert stop["exit_status"] == "abort"
-    assert stop["reason"] == f"{readings} of 60 readings were taken"
+    assert stop["reason"] == "the program was killed, or the power failed"
     assert stop["num_events"] == {
         stream: count for stream, count in (("primary", readings), ("stokes", points)) if count
     }
     assert heard[0][1]["provenance"]["a_b_c"] == "no such key is allowed"
     assert stop["time"] >= heard[0][1]["time"] == datetime(2026, 1, 31, 12).timestamp()
+
+
+def test_why_a_run_ended_and_what_was_skipped_is_in_its_documents(run, tmp_path):
+    stopped = cut_short(run, tmp_path / "2026-01-31T12-00-00-iron", 30)
+    with Journal.go_on(stopped / FILE_NAME) as stored:
+        stored.remember(STOPPED, "the lid was open")
+    assert of("stop", run_documents(stopped))[0]["reason"] == "the lid was open"
+    assert of("stop", run_documents(run.folder))[0]["exit_status"] == "success"
+    skipped = cut_short(run, tmp_path / "2026-01-31T12-00-00-iron-2", 60)
+    with Journal.go_on(skipped / FILE_NAME) as stored:
+        stored.remember(ORDERED, json.dumps({"skipped": [1]}))
+    left = [event["data"]["point"] for event in of("event", run_documents(skipped)) if "dolp" in event["data"]]
+    assert left == [0, 2, 3]
 
 
 def test_two_runs_of_one_recipe_are_two(run, tmp_path):
