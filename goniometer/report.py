@@ -7,22 +7,18 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from acquisition.fit_points import dataset
 from acquisition.readings import StokesPoint
 from acquisition.whole_file import written_whole
 from goniometer.fitted_curve import FittedCurve
 from goniometer.fitting.remarks import remarks
 from goniometer.fitting.summary import ParameterRow, parameter_rows, quality
-from goniometer.plot_style import DPI, FAINT, INK, RULE, STYLE
+from goniometer.plot_style import DPI, FAINT, RULE, STYLE
+from goniometer.report_head import LEFT, RIGHT, ROW_IN, draw_head, key_rows
 from goniometer.report_panels import (
-    DATA_COLOUR,
-    FIT_COLOUR,
     Quantity,
     draw_quantity,
     draw_residuals,
-    plane_colours,
     quantities,
 )
 from goniometer.scan_planes import Plane
@@ -30,22 +26,14 @@ from model.fit import Dataset, FitResult
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-    from matplotlib.lines import Line2D
 
 _WIDTH_IN, _HEAD_IN, _PANELS_IN, _X_LABEL_IN = 13.0, 1.15, 5.2, 0.7
-_ROW_IN, _SMALL_ROW_IN, _FOOT_MARGIN_IN = 0.27, 0.155, 0.3
-_LEFT, _RIGHT = 0.045, 0.985
+_SMALL_ROW_IN, _FOOT_MARGIN_IN = 0.155, 0.3
 _GAP_OF_WIDTH = 0.052
 """Between two panels, for the numbers on their axes."""
 _TEXT_LEFT, _TEXT_COLUMNS, _QUALITY_COLUMNS = 0.535, 96, 92
 _COLUMNS = {"name": 0.0, "meaning": 0.04, "value": 0.225, "error": 0.235, "truth": 0.365, "off": 0.43}
 """Left edges of the parameter table's columns in parts of the width; value, truth and off end there."""
-_SAME_DEG = 0.005
-"""Angles closer than that are printed alike."""
-_MOST_NAMED = 7
-"""Planes of a scan that the key names."""
-_MOST_IN_ROW = 4
-"""Names of planes with both angles that fit in a line."""
 _STYLE: dict[Any, Any] = {
     **STYLE,
     "legend.frameon": False,
@@ -112,96 +100,19 @@ def draw_report(
     verdict, description = ([], []) if fit is None else _wrapped(fit, dataset(points))
     foot_in = _FOOT_MARGIN_IN
     if fit is not None:
-        table_in = _ROW_IN * (len(fit.parameters) + 1.6) + _SMALL_ROW_IN * len(verdict)
+        table_in = ROW_IN * (len(fit.parameters) + 1.6) + _SMALL_ROW_IN * len(verdict)
         foot_in += max(table_in, _SMALL_ROW_IN * len(description))
     with mpl.rc_context(_STYLE), written_whole(path) as part:
-        head_in = _HEAD_IN + _ROW_IN * _key_rows(planes)
+        head_in = _HEAD_IN + ROW_IN * key_rows(planes)
         figure = Figure(figsize=(_WIDTH_IN, head_in + _PANELS_IN + foot_in))
         FigureCanvasAgg(figure)
-        _draw_head(figure, title, points, fit, planes)
+        draw_head(figure, title, points, fit, planes)
         _draw_panels(figure, quantities(points, fit, curves, planes), head_in, foot_in, has_fit=fit is not None)
         if fit is not None:
             _draw_table(figure, parameter_rows(fit, truth), foot_in)
-            _draw_text(figure, _LEFT, foot_in - _ROW_IN * (len(fit.parameters) + 1.4), verdict)
+            _draw_text(figure, LEFT, foot_in - ROW_IN * (len(fit.parameters) + 1.4), verdict)
             _draw_text(figure, _TEXT_LEFT, foot_in, description)
         figure.savefig(part, format="png", dpi=DPI)
-
-
-def _draw_head(
-    figure: Figure, title: str, points: Sequence[StokesPoint], fit: FitResult | None, planes: Sequence[Plane]
-) -> None:
-    from matplotlib.lines import Line2D
-
-    height_in = figure.get_figheight()
-    out_of_plane_deg = [point.exit_azimuth_deg for point in points if point.exit_azimuth_deg is not None]
-    aside = f"{_angles('exit azimuth', out_of_plane_deg, planes)}     " if out_of_plane_deg else ""
-    details = (
-        f"{_angles('incidence', [point.incidence_deg for point in points], planes)}     "
-        f"{_angles('sample azimuth', [point.azimuth_deg for point in points], planes)}     "
-        f"{aside}{len(points)} point{'s' * (len(points) != 1)}     "
-        "polarization: degree without the bias of noise, angle from the s-direction"
-    )
-    figure.text(_LEFT, 1.0 - 0.38 / height_in, title, size=16, weight="bold", va="center", parse_math=False)
-    figure.text(_LEFT, 1.0 - 0.70 / height_in, details, color=FAINT, va="center")
-    several = len(planes) > 1
-    colours = (INK, INK) if several else (DATA_COLOUR, FIT_COLOUR)
-    key = [Line2D([], [], color=colours[0], marker="o", ls="", ms=4, label="measured ± standard error")]
-    if fit is not None:
-        key.append(Line2D([], [], color=colours[1], label="fit"))
-    at = (_RIGHT, 1.0 - (0.70 + (_ROW_IN if several else 0.0)) / height_in)
-    figure.legend(handles=key, loc="center right", bbox_to_anchor=at, ncols=2, borderaxespad=0.0, borderpad=0.0)
-    if several:
-        shown, rows = _named_planes(planes), _key_rows(planes)
-        at = (_LEFT, 1.0 - (0.70 + _ROW_IN * (rows + 1) / 2) / height_in)
-        figure.legend(
-            handles=shown,
-            loc="center left",
-            bbox_to_anchor=at,
-            ncols=-(-len(shown) // rows),
-            borderaxespad=0.0,
-            borderpad=0.0,
-        )
-
-
-def _angles(name: str, angles_deg: Sequence[float], planes: Sequence[Plane]) -> str:
-    """An angle that all points have in common, or from where to where it goes."""
-    if len(planes) == 1 or np.ptp(angles_deg) < _SAME_DEG:
-        return f"{name} {np.mean(angles_deg):z.2f}°"
-    return f"{name} {min(angles_deg):z.2f}° to {max(angles_deg):z.2f}°"
-
-
-def _varying(planes: Sequence[Plane]) -> dict[str, list[float]]:
-    """The angles that name the planes of a scan, by what they are called: the incidence, and others that vary."""
-    others = {
-        "azimuth": [plane.azimuth_deg for plane in planes],
-        "exit azimuth": [plane.exit_azimuth_deg for plane in planes],
-    }
-    varying = {name: angles_deg for name, angles_deg in others.items() if np.ptp(angles_deg) >= _SAME_DEG}
-    return {"incidence": [plane.incidence_deg for plane in planes], **varying}
-
-
-def _key_rows(planes: Sequence[Plane]) -> int:
-    """How many lines the key of the planes' colours takes; none for a single plane."""
-    if len(planes) < 2:
-        return 0
-    return 2 if len(_varying(planes)) > 1 and len(planes) > _MOST_IN_ROW else 1
-
-
-def _named_planes(planes: Sequence[Plane]) -> list[Line2D]:
-    """The key of the planes' colours; of many planes some, evenly chosen, the first and the last among them."""
-    from matplotlib.lines import Line2D
-
-    varying = _varying(planes)
-    colours = plane_colours(len(planes))
-    places = sorted(set(np.linspace(0, len(planes) - 1, min(_MOST_NAMED, len(planes))).round().astype(int).tolist()))
-    names = [
-        ", ".join(f"{angle_deg:z.2f}°" for angle_deg in of_plane) for of_plane in zip(*varying.values(), strict=True)
-    ]
-    names[0] = f"{', '.join(varying)}: {names[0]}"
-    key = [Line2D([], [], color=colours[place], marker="o", ms=4, label=names[place]) for place in places]
-    if len(places) < len(planes):
-        key.append(Line2D([], [], ls="", label=f"and others, {len(planes)} in all"))
-    return key
 
 
 def _draw_panels(figure: Figure, shown: Sequence[Quantity], head_in: float, foot_in: float, *, has_fit: bool) -> None:
@@ -210,11 +121,11 @@ def _draw_panels(figure: Figure, shown: Sequence[Quantity], head_in: float, foot
         2,
         len(shown),
         height_ratios=(3.2, 1.0),
-        left=_LEFT,
-        right=_RIGHT,
+        left=LEFT,
+        right=RIGHT,
         top=1.0 - head_in / height_in,
         bottom=(foot_in + _X_LABEL_IN) / height_in,
-        wspace=_GAP_OF_WIDTH * len(shown) / (_RIGHT - _LEFT - _GAP_OF_WIDTH * (len(shown) - 1)),
+        wspace=_GAP_OF_WIDTH * len(shown) / (RIGHT - LEFT - _GAP_OF_WIDTH * (len(shown) - 1)),
         hspace=0.16,
     )
     for column, quantity in enumerate(shown):
@@ -235,13 +146,13 @@ def _draw_table(figure: Figure, rows: Sequence[ParameterRow], foot_in: float) ->
     has_truth = any(row.truth for row in rows)
 
     def write(line: float, column: str, text: str, align: str = "left", **style: Any) -> None:
-        y = (foot_in - _ROW_IN * (line + 0.5)) / height_in
-        figure.text(_LEFT + _COLUMNS[column], y, text, ha=align, va="center", **style)
+        y = (foot_in - ROW_IN * (line + 0.5)) / height_in
+        figure.text(LEFT + _COLUMNS[column], y, text, ha=align, va="center", **style)
 
     def rule(line: float, width: float) -> None:
-        y = (foot_in - _ROW_IN * line) / height_in
-        right = _LEFT + (_COLUMNS["off"] if has_truth else _COLUMNS["truth"])
-        figure.add_artist(Line2D([_LEFT, right], [y, y], color=RULE, linewidth=width))
+        y = (foot_in - ROW_IN * line) / height_in
+        right = LEFT + (_COLUMNS["off"] if has_truth else _COLUMNS["truth"])
+        figure.add_artist(Line2D([LEFT, right], [y, y], color=RULE, linewidth=width))
 
     write(0, "name", "parameter", color=FAINT)
     write(0, "value", "value", "right", color=FAINT)
