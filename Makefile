@@ -14,10 +14,10 @@ demo: .venv/installed
 	$(BIN)/goniometer run recipes/iron_60deg.yaml --speed 20
 
 test: .venv/installed
-	$(BIN)/python -m pytest -n auto
+	$(BIN)/python -m pytest -n auto --dist worksteal
 
 long: .venv/installed
-	$(BIN)/python -m pytest -n auto -m long
+	$(BIN)/python -m pytest -n auto --dist worksteal -m long
 
 faults: .venv/installed
 	$(BIN)/python benchmarks/fault_schedules 10000

@@ -7,7 +7,7 @@ import math
 from collections.abc import Iterator, Sequence
 
 import numpy as np
-from scipy.stats import chi2
+from scipy.special import chdtrc
 
 from acquisition.averaging import Averaging
 from acquisition.doubts import named
@@ -84,7 +84,7 @@ class Averaged:
             variance = self._noise.variance(np.full_like(power_w, power_w.mean()), exposure_s)
             chi_square += float(((power_w - power_w.mean()) ** 2 / variance).sum())
             freedom += len(group) - 1
-        if freedom < _FEWEST or chi2.sf(chi_square, freedom) > IMPLAUSIBLE:
+        if freedom < _FEWEST or chdtrc(freedom, chi_square) > IMPLAUSIBLE:
             return ""
         excess = math.sqrt(chi_square / freedom)
         if excess < _NOTEWORTHY:

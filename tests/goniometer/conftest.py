@@ -141,3 +141,11 @@ def open_room(load):
     yield make
     for bench in reversed(benches):
         bench.__exit__(None, None, None)
+
+
+@pytest.fixture(scope="module")
+def no_report():
+    """Leaves out the picture of a run, which takes as long as its scan."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("goniometer.run_folder._draw", lambda path, run: None)
+        yield

@@ -29,6 +29,7 @@ from acquisition.time_left import TimeLeft
 from goniometer.errors import LimitError, PositionError
 from goniometer.run_folder import measured
 
+pytestmark = pytest.mark.usefixtures("no_report")
 ROOT = Path(__file__).resolve().parents[2]
 
 

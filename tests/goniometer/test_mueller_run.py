@@ -34,12 +34,12 @@ FILES = ("recipes/iron_mueller.yaml", "rigs/simulated_mueller.yaml", "scenes/iro
 WHEEL = {1: "open", 2: 0, 3: 45, 4: 90, 5: 135, 6: "blocked"}
 
 
-def k10cr1(role):
-    """A rotator that rests within 1e-5 degrees of its target, so that nothing but noise is left: in rig and scene."""
-    moves = {"velocity_deg_s": 10, "acceleration_deg_s2": 20, "settle_s": 0.05, "tolerance_deg": 0.01}
-    axis = {"limits_deg": [-90, 180], "home_at_start": True} | moves
-    in_rig = {"driver": "thorlabs_apt", "port": "simulated", "stage": "K10CR1", "axes": {role: axis}}
-    return in_rig, {"type": "thorlabs_apt", "stage": "K10CR1", "axes": {1: role}}
+def exact_rotator(role):
+    """A rotator that rests within 2e-5 degrees of its target, so that nothing but noise is left: in rig and scene."""
+    moves = {"velocity_deg_s": 50, "acceleration_deg_s2": 1000, "settle_s": 0.05, "tolerance_deg": 0.01}
+    axis = {"limits_deg": [-90, 180], "home_at_start": True, "bay": 1} | moves
+    in_rig = {"driver": "thorlabs_apt", "port": "simulated", "stage": "HDR50", "axes": {role: axis}}
+    return in_rig, {"type": "thorlabs_apt", "stage": "HDR50", "axes": {1: role}}
 
 
 class Files:
@@ -50,13 +50,13 @@ class Files:
         self.recipe, self.rig, self.scene = contents
         self.recipe |= {"exit": {"start_deg": 0, "stop_deg": 60, "step_deg": 12}, "readings": 1, "fit": QUICK}
         for name, role in (("generator_rotator", "generator_retarder"), ("analyzer_rotator", "retarder")):
-            self.rig["devices"][name], self.scene["devices"][name] = k10cr1(role)
+            self.rig["devices"][name], self.scene["devices"][name] = exact_rotator(role)
 
     def with_polarizer_as_generator(self):
         slots = dict(enumerate((0, 45, 90, 135), 1))
         self.rig["devices"]["generator"] = {"driver": "rotating_generator", "slots": slots}
         self.scene["devices"]["generator"] = {"type": "rotating_generator"}
-        rotators = k10cr1("generator_polarizer")
+        rotators = exact_rotator("generator_polarizer")
         self.rig["devices"]["generator_rotator"], self.scene["devices"]["generator_rotator"] = rotators
         self.recipe["generator_deg"] = [0, 45, 90, 135]
         del self.recipe["generator_retarder_deg"]

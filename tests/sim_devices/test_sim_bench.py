@@ -173,7 +173,10 @@ def scan(scene, connect):
                 analyzer.sendall(b"pos=%d\r" % slot)
                 bench.clock.sleep(2.0)
                 answer(analyzer, b"", b"> ")
-                log.append((answer(arms, b"2TP\r"), answer(meter, b"READ?\n", b"\n"), bench.clock.now()))
+                place = answer(arms, b"2TP\r")
+                meter.sendall(b"READ?\n")
+                bench.clock.sleep(0.1)
+                log.append((place, answer(meter, b"", b"\n"), bench.clock.now()))
     return log
 
 

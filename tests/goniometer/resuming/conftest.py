@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import shutil
 import sqlite3
-import sys
 from contextlib import closing
 from pathlib import Path
 
@@ -17,7 +16,6 @@ from acquisition.journal import FILE_NAME
 from goniometer.signals import Interruption
 
 ROOT = Path(__file__).resolve().parents[3]
-COMMAND = [sys.executable, "-m", "goniometer"]
 RECIPE = """
 recipe: iron, in short
 rig: {root}/rigs/simulated.yaml

@@ -13,7 +13,7 @@ from goniometer.errors import JournalError
 from goniometer.resume import resume
 
 ROTATORS = {"generator_rotator": "generator_retarder", "analyzer_rotator": "retarder"}
-AXIS = {"velocity_deg_s": 10, "acceleration_deg_s2": 20, "settle_s": 0.05, "tolerance_deg": 0.01}
+AXIS = {"velocity_deg_s": 50, "acceleration_deg_s2": 1000, "settle_s": 0.05, "tolerance_deg": 0.01}
 PAIRS = "point, kind, repeat, slot, generator_slot, generator_deg, generator_retarder_deg, generator_retardance_deg"
 
 
@@ -37,10 +37,10 @@ def mueller(tmp_path_factory, root):
             {"effect": "backlash", "axis": "detector_arm", "play_deg": 0.1},
         ]
         for name, role in ROTATORS.items() if exact else ():
-            axis = {role: {"limits_deg": [-90, 180], "home_at_start": True, **AXIS}}
-            device = {"driver": "thorlabs_apt", "port": "simulated", "stage": "K10CR1", "axes": axis}
+            axis = {role: {"limits_deg": [-90, 180], "home_at_start": True, "bay": 1, **AXIS}}
+            device = {"driver": "thorlabs_apt", "port": "simulated", "stage": "HDR50", "axes": axis}
             parts["rig"]["devices"][name] = device
-            parts["scene"]["devices"][name] = {"type": "thorlabs_apt", "stage": "K10CR1", "axes": {1: role}}
+            parts["scene"]["devices"][name] = {"type": "thorlabs_apt", "stage": "HDR50", "axes": {1: role}}
         del parts["recipe"]["exit"]
         parts["recipe"] |= {"rig": "rig.yaml", "scene": "scene.yaml", "exit_deg": [0, 40], "readings": 2}
         for kind, content in parts.items():

@@ -1,18 +1,22 @@
 """Signals at random instants, and resume: no reading is lost, none is there twice, and the results are the same."""
 
 import json
+import os
 import random
 import signal
+import socket
 import subprocess
 import sys
 import time
+from contextlib import closing
+from pathlib import Path
 
 import pytest
 
 import goniometer
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="signals of this kind exist on POSIX only")
-COMMAND = [sys.executable, "-m", "goniometer"]
+WARM_COMMAND = Path(__file__).with_name("warm_command.py")
 POWER_W = 11
 """Its place in a row."""
 KILLS = 10
@@ -37,29 +41,52 @@ def shown(lines):
     return [event["reading"] for event in events if event["event"] == "ReadingStored"]
 
 
-def ended_at(instant, arguments, ends, root):
-    """Run a process, end it as `instant` says; returns the readings that it has shown, its exit code and errors."""
-    command = [*COMMAND, *map(str, arguments), "--speed", "max", "--json"]
-    lines = []
-    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=root) as process:
-        try:
-            instant(process, lines)
-            if ends is not None:
-                process.send_signal(ends)
-            lines += process.stdout.readlines()
-            errors = process.stderr.read()
-        finally:
-            process.kill()
-    return shown(lines), process.returncode, errors
+class Processes:
+    """Runs the command in processes that begin at once: nothing has to be loaded or compiled in them."""
+
+    def __init__(self, orders):
+        self._orders = orders
+
+    def ended_at(self, instant, arguments, ends):
+        """Run one, end it as `instant` says; returns the readings that it has shown, its exit code and errors."""
+        shows, says = os.pipe(), os.pipe()
+        command = [*map(str, arguments), "--speed", "max", "--json"]
+        socket.send_fds(self._orders, [json.dumps(command).encode()], [shows[1], says[1]])
+        for end in (shows[1], says[1]):
+            os.close(end)
+        process, lines = int(self._orders.recv(100)), []
+        with os.fdopen(shows[0], encoding="utf-8") as output, os.fdopen(says[0], encoding="utf-8") as errors:
+            try:
+                instant(output, lines)
+                if ends is not None:
+                    os.kill(process, ends)
+                lines += output.readlines()
+                said = errors.read()
+            finally:
+                os.kill(process, signal.SIGKILL)
+                self._orders.sendall(b"?")
+                code = int(self._orders.recv(100))
+        return shown(lines), code, said
+
+
+@pytest.fixture(scope="module")
+def processes(longer, root, tmp_path_factory):
+    ours, theirs = socket.socketpair()
+    arguments = [theirs.fileno(), "run", longer, "--speed", "max", "--quiet", "--out", tmp_path_factory.mktemp("first")]
+    command = [sys.executable, WARM_COMMAND, *arguments]
+    with subprocess.Popen([*map(str, command)], stdin=subprocess.DEVNULL, pass_fds=[theirs.fileno()], cwd=root):
+        theirs.close()
+        with closing(ours):
+            yield Processes(ours)
 
 
 def at_a_step(rng):
     """A moment, up to 8 ms, after a random step has begun: in a move, in a reading, while it is stored."""
     steps, moment_s = rng.randint(1, MOST_STEPS), rng.uniform(0.0, 0.008)
 
-    def instant(process, lines):
+    def instant(output, lines):
         begun = 0
-        for line in process.stdout:
+        for line in output:
             lines.append(line)
             begun += '"StepStarted"' in line
             if begun == steps:
@@ -73,20 +100,20 @@ def at_a_step(rng):
 
 def at_any_time(rng):
     """From the start of the process on: while devices are connected, axes are homed, or results are written."""
-    pause_s = rng.uniform(0.0, 3.0)
-    return lambda process, lines: time.sleep(pause_s)
+    pause_s = rng.uniform(0.0, 1.5)
+    return lambda output, lines: time.sleep(pause_s)
 
 
-def at_its_end(process, lines):
+def at_its_end(output, lines):
     """Let it finish."""
 
 
-def interrupted_often(recipe, out, root, rows, instants, ends, code):
+def interrupted_often(recipe, out, processes, rows, instants, ends, code):
     """Run a recipe, ended at every one of the instants until it finishes; the run's folder, and how often it was."""
     run, told = None, []
     for times, instant in enumerate((*instants, at_its_end)):
         arguments = ["run", recipe, "--out", out] if run is None else ["resume", run]
-        readings, found, errors = ended_at(instant, arguments, None if instant is at_its_end else ends, root)
+        readings, found, errors = processes.ended_at(instant, arguments, None if instant is at_its_end else ends)
         begun = [path.parent for path in out.glob("*/journal.sqlite") if path.stat().st_size]
         run = begun[-1] if begun else None
         stored = rows(run) if run else []
@@ -99,30 +126,30 @@ def interrupted_often(recipe, out, root, rows, instants, ends, code):
     raise AssertionError(errors)
 
 
-def killed(seed, longer, expected, tmp_path, root, rows, assert_same_results):
+def killed(seed, longer, expected, tmp_path, processes, rows, assert_same_results):
     rng = random.Random(seed)
     instants = [at_any_time(rng) if rng.random() < 0.2 else at_a_step(rng) for _ in range(KILLS)]
-    run, times = interrupted_often(longer, tmp_path, root, rows, instants, signal.SIGKILL, -signal.SIGKILL)
+    run, times = interrupted_often(longer, tmp_path, processes, rows, instants, signal.SIGKILL, -signal.SIGKILL)
     assert_same_results(run, expected)
     return times
 
 
 @pytest.mark.parametrize("seed", range(2))
-def test_kill_9_at_40_instants(seed, longer, expected, tmp_path, root, rows, assert_same_results):
-    killed(seed, longer, expected, tmp_path, root, rows, assert_same_results)
+def test_kill_9_at_40_instants(seed, longer, expected, tmp_path, processes, rows, assert_same_results):
+    killed(seed, longer, expected, tmp_path, processes, rows, assert_same_results)
 
 
 @pytest.mark.long
 @pytest.mark.parametrize("seed", range(2, 27))
-def test_kill_9_at_500_instants(seed, longer, expected, tmp_path, root, rows, assert_same_results):
-    killed(seed, longer, expected, tmp_path, root, rows, assert_same_results)
+def test_kill_9_at_500_instants(seed, longer, expected, tmp_path, processes, rows, assert_same_results):
+    killed(seed, longer, expected, tmp_path, processes, rows, assert_same_results)
 
 
 @pytest.mark.parametrize("longer", [{}], ids=["references"], indirect=True)
 @pytest.mark.parametrize(("name", "code"), [("SIGINT", 130), ("SIGTERM", 143), ("SIGHUP", 129)])
-def test_signals_at_random_instants(name, code, longer, expected, tmp_path, root, rows, assert_same_results):
+def test_signals_at_random_instants(name, code, longer, expected, tmp_path, processes, rows, assert_same_results):
     rng = random.Random(name)
     instants = [at_a_step(rng) for _ in range(5)]
-    run, times = interrupted_often(longer, tmp_path, root, rows, instants, getattr(signal, name), code)
+    run, times = interrupted_often(longer, tmp_path, processes, rows, instants, getattr(signal, name), code)
     assert times == len(instants)
     assert_same_results(run, expected)
