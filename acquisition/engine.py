@@ -81,9 +81,9 @@ class Bench:
         filters = None if self.filters is None else self.filters.wheel
         return tuple(device for device in (self.analyzer, self.generator, filters) if device is not None)
 
-    def order(self, targets_deg: Mapping[str, float]) -> tuple[tuple[str, ...], ...]:
+    def order(self, standing_deg: Mapping[str, float], targets_deg: Mapping[str, float]) -> tuple[tuple[str, ...], ...]:
         """The roles that move together, in turn; raises CollisionError when there is no safe way."""
-        return (tuple(targets_deg),) if self.interlock is None else self.interlock.order(targets_deg)
+        return (tuple(targets_deg),) if self.interlock is None else self.interlock.order(standing_deg, targets_deg)
 
     def stop(self, clock: Clock) -> list[BaseException]:
         """Stop everything that can move and see it come to rest, whatever fails on the way; returns what failed."""

@@ -162,10 +162,10 @@ class _Listed:
 
     def _swept(self, block: _Way, here: Target) -> Iterator[Step]:
         """The steps of a block: from whichever end and whichever slot is reached sooner, and then forth and back."""
-        recipe = self._recipe
+        exposure_s, wavelength_nm = self._recipe.exposure_s, self._recipe.one_wavelength_nm
         ways = [(order, stops) for order in (block, block.turned()) for stops in self._tours]
         block, tour = min(ways, key=lambda way: self._moving_s(here, way[0].directions[0].through(way[1][0])))
-        reading_s, exposure_s = self._timing.reading_s(recipe.exposure_s), recipe.exposure_s
+        reading_s = self._timing.reading_s(exposure_s)
         taking_s = [self._taking_s[direction.readings] for direction in block.directions]
         for stop in tour:
             moving_s = self._moving_s(here, block.directions[0].through(stop))
@@ -177,7 +177,7 @@ class _Listed:
                     *(direction.point, kind, here, state.polarizer_deg, direction.readings, exposure_s, duration_s),
                     *(state.retarder_deg, state.retardance_deg, reading_s),
                     made=stop.made,
-                    wavelength_nm=recipe.one_wavelength_nm,
+                    wavelength_nm=wavelength_nm,
                 )
                 moving_s = next_s
             block, taking_s = block.turned(), taking_s[::-1]

@@ -40,9 +40,10 @@ def _moving_s(here: Target, there: Target, timing: BenchTiming) -> float:
     here_deg, there_deg = here.axes_deg, there.axes_deg
     going = [axis for role, axis in timing.axes.items() if there_deg[role] != here_deg[role]]
     settles_s = [axis.settle_s for axis in going]
-    moving_s = timing.axes_s(here_deg, there_deg) + sum(axis.start_s + axis.exchange_s for axis in going)
+    starting_s = sum(timing.watching_s + axis.exchange_s for axis in going)
+    moving_s = timing.axes_s(here_deg, there_deg) + starting_s + sum(axis.start_s for axis in going)
     turning_s, settling_s = change_s(timing, (here.slot, here.generator), (there.slot, there.generator))
-    moving_s, settles_s = max(moving_s, turning_s), [*settles_s, settling_s]
+    moving_s, settles_s = max(moving_s, turning_s and starting_s + turning_s), [*settles_s, settling_s]
     if timing.filter is not None and there.filter_slot is not None:
         begin = here.filter_slot or FIRST_SLOT
         if begin != there.filter_slot:

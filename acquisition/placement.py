@@ -12,15 +12,12 @@ from acquisition.expand import Target
 from acquisition.filters import ToldWavelength
 from acquisition.protocols import Analyzer, RotaryAxis
 from acquisition.selector import Selector
-from acquisition.timing import DUE_POLL_S, POLL_S
+from acquisition.timing import DUE_POLL_S, FRESH_S, POLL_S
 from drivers.clock import Clock
 from goniometer.errors import PositionError
 
 if TYPE_CHECKING:
     from acquisition.engine import Bench
-
-_FRESH_S = 0.1
-"""How long it is taken for granted that axes at rest stand where they have just said."""
 
 _MARGIN_S = 0.0005
 """How long after it should have arrived a device is asked first: a question that comes too early costs another one."""
@@ -93,7 +90,7 @@ class Placement:
             if role in self._sent or abs(here_deg[role] - angle_deg) > self._bench.axes[role].tolerance_deg
         }
         self._at = self._seen_deg = None
-        self._way = _Way(target, targets_deg, deque(self._bench.order(targets_deg)))
+        self._way = _Way(target, targets_deg, deque(self._bench.order(here_deg, targets_deg)))
         self._go_on(self._way)
 
     def arrive(self, target: Target) -> None:
@@ -222,7 +219,7 @@ class Placement:
 
     def _positions_deg(self) -> tuple[dict[str, float], float]:
         """Where the axes say they are, and when they began to say so, a moment ago if they rest since."""
-        if self._seen_deg is None or self._clock.now() - self._seen_deg[1] > _FRESH_S:
+        if self._seen_deg is None or self._clock.now() - self._seen_deg[1] > FRESH_S:
             self._seen_deg = None
             asked_s = self._clock.now()
             return {role: axis.position_deg() for role, axis in self._bench.axes.items()}, asked_s

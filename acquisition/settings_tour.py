@@ -69,13 +69,11 @@ def shortest_tour(recipe: Recipe, slots: Slots, timing: BenchTiming) -> list[Sto
 def change_s(timing: BenchTiming, here: tuple[int, int | None], there: tuple[int, int | None]) -> tuple[float, float]:
     """How long analyzer and generator turn from slots to slots, at the same time, and how long they settle then.
 
-    Both are asked where they are before the first reading, as soon as one has turned; the generator also about the last
-    reading before it turns, which nothing hides unless an axis moves.
+    Both are asked where they are about the last reading, before one turns, and before the next, while it settles.
     """
-    kept_s = 0.0 if timing.generator is None else timing.generator.exchange_s
     devices = (timing.analyzer, timing.generator)
     turning = [
-        (device.move_s(start or 0, end) + timing.slots_s + kept_s, device.settle_s)
+        (device.move_s(start or 0, end) + timing.slots_s, max(device.settle_s, timing.slots_s))
         for device, start, end in zip(devices, here, there, strict=True)
         if device is not None and end is not None and start != end
     ]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Self
+from typing import NamedTuple, Self
 
 from acquisition.analyzer_matrix import AnalyzerState
 from acquisition.generator import GeneratorState
@@ -41,8 +41,7 @@ class Slots:
         )
 
 
-@dataclass(frozen=True)
-class Target:
+class Target(NamedTuple):
     """Where the bench stands: angles in degrees and the slots of analyzer, generator and filters.
 
     `exit_azimuth_deg` is the detector arm's turn out of the plane of incidence, 0 on a bench that cannot turn it.
@@ -56,6 +55,11 @@ class Target:
     exit_azimuth_deg: float = 0.0
     generator: int | None = None
     filter_slot: int | None = None
+
+    @property
+    def angles_deg(self) -> tuple[float, float, float, float]:
+        """Where the axes stand, in the order of `axes_deg`."""
+        return self.incidence_deg, self.exit_deg, self.azimuth_deg, self.exit_azimuth_deg
 
     @property
     def axes_deg(self) -> dict[str, float]:
@@ -72,7 +76,7 @@ HOME = Target(0.0, 0.0, 0.0, 1)
 """Where a bench is taken to stand before its first step."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class Step:
     """One place of the bench and the readings taken there, `reading_s` each of the whole `duration_s`.
 

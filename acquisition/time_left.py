@@ -7,7 +7,10 @@ from collections.abc import Callable
 from drivers.clock import Clock
 
 _TRUSTED_S = 10.0
-"""Seconds of the scan so far that count as much as the plan does."""
+"""Seconds of the scan so far that count as much as the plan does, at the most."""
+
+_TRUSTED_SHARE = 0.06
+"""The same as a share of a short scan."""
 
 _TRUSTED_OF_LONGEST_S = 1.0
 """The same where the plan is for the longest time, of which as a rule little is needed."""
@@ -45,7 +48,7 @@ class TimeLeft:
     ) -> None:
         self._readings, self._held_s, self.reading_s = readings, 0.0, reading_s
         self._clock, self._duration_s, self._is_limit = clock, duration_s, is_limit
-        self._trusted_s = _TRUSTED_OF_LONGEST_S if is_longest else _TRUSTED_S
+        self._trusted_s = _TRUSTED_OF_LONGEST_S if is_longest else min(_TRUSTED_S, _TRUSTED_SHARE * duration_s)
         self._begun_s: float | None = None
         self._done_s = 0.0
 

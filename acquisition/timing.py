@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Protocol
@@ -23,6 +24,15 @@ CONFIRM_S = 0.004
 
 READING_S = CONFIRM_S
 """What a reading takes beyond its exposure."""
+
+FRESH_S = 0.1
+"""How long it is taken for granted that axes at rest stand where they have just said."""
+
+_TO_TURN_BACK = 4
+"""Exchanges between the ways down and back up: whether it stands, without errors, where, and whether it has begun."""
+
+_TO_WATCH = 3
+"""Exchanges by which each start sees that no axis is in the way: whether it stands, without errors, and where."""
 
 FIRST_SLOT = 1
 """Where a wheel is taken to stand that nobody has asked yet."""
@@ -49,8 +59,13 @@ class AxisTiming:
     def move_s(self, distance_deg: float) -> float:
         """Duration of a move; one downwards goes on by the backlash, and comes back."""
         if distance_deg < 0.0 < self.backlash_deg:
-            return self._way_s(distance_deg - self.backlash_deg) + self._way_s(self.backlash_deg) + self.start_s
+            return self._way_s(distance_deg - self.backlash_deg) + self.back_s
         return self._way_s(distance_deg)
+
+    @property
+    def back_s(self) -> float:
+        """Duration of the way back by the backlash, and of turning to it."""
+        return self._way_s(self.backlash_deg) + self.start_s + _TO_TURN_BACK * self.exchange_s
 
     def _way_s(self, distance_deg: float) -> float:
         return motion_s(distance_deg, self.velocity_deg_s, self.acceleration_deg_s2)
@@ -185,22 +200,36 @@ class BenchTiming:
 
     def reading_s(self, exposure_s: float) -> float:
         """Duration of a reading; the axes are asked where they are meanwhile, which may take longer."""
-        asking_s = sum(axis.exchange_s for axis in self.axes.values())
-        return max(self.detector.reading_s(exposure_s), asking_s + CONFIRM_S)
+        return max(self.detector.reading_s(exposure_s), self._asking_s + CONFIRM_S)
 
     def readings_s(self, readings: int, exposure_s: float) -> float:
-        """Duration of a step's readings: during the last, analyzer and generator are asked about the one before it."""
+        """Duration of a step's readings.
+
+        During each, analyzer and generator are asked about the one before it; the axes are asked during the first and
+        the last, and whenever what they said is no longer fresh.
+        """
         if readings < 2:
             return readings * self.reading_s(exposure_s)
-        asking_s = self.slots_s + sum(axis.exchange_s for axis in self.axes.values()) + CONFIRM_S
-        reading_s = self.reading_s(exposure_s)
-        between_s = max(self.slots_s + CONFIRM_S, reading_s)
-        return reading_s + (readings - 2) * between_s + max(asking_s, reading_s)
+        least_s = self.slots_s + CONFIRM_S
+        plain_s = max(least_s, self.detector.reading_s(exposure_s))
+        asked_s = max(least_s + self._asking_s, plain_s)
+        rarely_s = plain_s + (asked_s - plain_s) / math.ceil(FRESH_S / plain_s)
+        return self.reading_s(exposure_s) + (readings - 2) * rarely_s + asked_s
 
     @property
     def slots_s(self) -> float:
         """Time to ask which slots are in the beam."""
         return self.analyzer.exchange_s + (0.0 if self.generator is None else self.generator.exchange_s)
+
+    @property
+    def watching_s(self) -> float:
+        """Time by which each start of an axis is later where axes could touch in a zone."""
+        return _TO_WATCH * self._asking_s if self.zones else 0.0
+
+    @property
+    def _asking_s(self) -> float:
+        """Time to ask every axis where it is."""
+        return sum(axis.exchange_s for axis in self.axes.values())
 
     def axes_s(self, here_deg: Mapping[str, float], there_deg: Mapping[str, float]) -> float:
         """Duration of the axes' moves between two places, given by role; a way through a zone counts as if free."""

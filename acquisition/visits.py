@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from dataclasses import replace
 
 from acquisition.analyzer_matrix import AnalyzerState
 from acquisition.moving import Moving
@@ -94,7 +93,7 @@ class Visits:
         # always in the same light: what reaches the detector depends on it
         stop = self._tour[0]._replace(slot=self._slots.open, kind="reference", state=AnalyzerState())
         # in the plane of incidence, where the light is that follows the lamp best
-        return replace(self._target(reference.exit_deg, stop), exit_azimuth_deg=0.0), stop
+        return self._target(reference.exit_deg, stop)._replace(exit_azimuth_deg=0.0), stop
 
     def _turning_s(self, here: Target, stop: Stop) -> float:
         return sum(change_s(self._timing, (here.slot, here.generator), (stop.slot, stop.generator)))

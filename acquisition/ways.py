@@ -36,7 +36,7 @@ class Ways:
 
     def __init__(self, timing: BenchTiming, moving_s: Moving) -> None:
         self._moving_s, self._zones = moving_s, timing.zones
-        self._axes = tuple(timing.axes.values())
+        self._axes, self._watching_s = tuple(timing.axes.values()), timing.watching_s
 
     def free_s(self, starts_deg: Angles, ends_deg: Angles) -> NDArray[np.float64]:
         """Duration of each way (...) with all axes going at once, settling and questions included."""
@@ -44,7 +44,7 @@ class Ways:
         going = way_deg != 0.0
         moves_s = [axis_moves_s(axis, way_deg[..., place]) for place, axis in enumerate(self._axes)]
         settles_s = going * [axis.settle_s for axis in self._axes]
-        asking_s = going @ np.array([axis.start_s + axis.exchange_s for axis in self._axes])
+        asking_s = going @ np.array([axis.start_s + axis.exchange_s + self._watching_s for axis in self._axes])
         confirm_s = CONFIRM_S * going.any(axis=-1)
         return np.asarray(np.max(moves_s, axis=0) + settles_s.max(axis=-1) + asking_s - confirm_s)
 
@@ -104,6 +104,6 @@ def axis_moves_s(axis: AxisTiming, way_deg: Angles) -> NDArray[np.float64]:
 
     moves_s = way_s(np.abs(way_deg))
     if axis.backlash_deg > 0.0:
-        back_s = way_s(np.array(axis.backlash_deg)) + axis.start_s
-        moves_s = np.where(way_deg < 0.0, way_s(np.abs(way_deg) + axis.backlash_deg) + back_s, moves_s)
+        down_s = way_s(np.abs(way_deg) + axis.backlash_deg) + axis.back_s
+        moves_s = np.where(way_deg < 0.0, down_s, moves_s)
     return np.asarray(moves_s)

@@ -34,8 +34,10 @@ class Interlock:
         for role, axis in self._axes.items() if self._zones else ():
             axis.permit = partial(self._permit, role)
 
-    def order(self, targets_deg: Mapping[str, float]) -> tuple[tuple[str, ...], ...]:
+    def order(self, standing_deg: Mapping[str, float], targets_deg: Mapping[str, float]) -> tuple[tuple[str, ...], ...]:
         """The roles that move together, in turn, so that no path enters a zone: all at once where that is free.
+
+        Where the axes stand was read a moment ago; each start asks them again.
 
         Raises
         ------
@@ -44,7 +46,6 @@ class Interlock:
         """
         if not self._zones:
             return (tuple(targets_deg),)
-        standing_deg = {role: axis.position_deg() for role, axis in self._axes.items()}
         ways = {role: self._axes[role].way_deg(standing_deg[role], there) for role, there in targets_deg.items()}
         order = free_order(self._zones, standing_deg, ways)
         if order is None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Iterator, Sequence
+from operator import ne
 
 import numpy as np
 
@@ -51,7 +52,8 @@ def describe_plan(setup: Setup) -> str:
 
 def _told(steps: Sequence[Step]) -> str:
     """What the settings tell, and by how much they may enlarge errors."""
-    settings = list({(step.analyzer, step.made): None for step in steps if step.kind == "signal"})
+    of_slots = {_slots(step): step for step in steps if step.kind == "signal"}
+    settings = [(step.analyzer, step.made) for step in of_slots.values()]
     rows, columns = settings_shape(settings)
     told = f"S0 to S{rows - 1}"
     if columns > 1:
@@ -82,8 +84,8 @@ def _heading(setup: Setup, steps: Sequence[Step]) -> list[str]:
 def _travel(steps: Sequence[Step], roles: Sequence[Role]) -> str:
     """How far each axis goes, and how often the analyzer changes its slot, from home."""
     places = [HOME, *(step.target for step in steps)]
-    angles_deg = np.array([list(place.axes_deg.values())[: len(roles)] for place in places])
-    ways_deg = np.abs(np.diff(angles_deg, axis=0)).sum(axis=0)
+    angles_deg = np.array([place.angles_deg for place in places])
+    ways_deg = np.abs(np.diff(angles_deg, axis=0)).sum(axis=0)[: len(roles)]
     axes = ", ".join(f"{role.replace('_', ' ')} {way_deg:.0f}°" for role, way_deg in zip(roles, ways_deg, strict=True))
     changes = sum(one.slot != other.slot for one, other in itertools.pairwise(places))
     turns = sum(one.generator != other.generator for one, other in itertools.pairwise(places))
@@ -129,17 +131,16 @@ def _goes_on(run: Sequence[Step], step: Step) -> bool:
         return step.point == last.point or _slots(step) == _slots(last)
     if run[0].point == last.point or _slots(step) != _slots(last):
         return run[0].point == last.point and step.point == last.point
-    return _moving(last.target, step.target) in (_moving(run[0].target, run[1].target), frozenset())
+    return _moving(last.target, step.target) in (_moving(run[0].target, run[1].target), (False,) * 4)
 
 
 def _slots(step: Step) -> tuple[int | None, int]:
     return step.target.generator, step.target.slot
 
 
-def _moving(here: Target, there: Target) -> frozenset[str]:
+def _moving(here: Target, there: Target) -> tuple[bool, ...]:
     """Which axes go: a line of the plan is along the same ones."""
-    there_deg = there.axes_deg
-    return frozenset(role for role, angle_deg in here.axes_deg.items() if angle_deg != there_deg[role])
+    return tuple(map(ne, here.angles_deg, there.angles_deg))
 
 
 def _settings_text(run: Sequence[Step]) -> str:

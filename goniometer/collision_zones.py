@@ -115,7 +115,8 @@ class _Ways:
         self.places = [*places[:1], *places]
         self._travels = travels
         self._zones = [_WithinTolerance(zone, tolerances_deg) for zone in zones]
-        self._angles_deg = np.array([[place.axes_deg[role] for role in self._roles] for place in self.places])
+        of_roles = [PLACING.index(role) for role in self._roles]
+        self._angles_deg = np.array([place.angles_deg for place in self.places])[:, of_roles]
         self._wraps = any(travels[role].wraps for role in self._roles)
 
     def blocked(self, first: int, last: int) -> Iterator[int]:

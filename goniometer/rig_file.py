@@ -23,6 +23,7 @@ from goniometer.rig_devices.entry import (
 )
 from goniometer.rig_devices.filters import FiltersEntry
 from goniometer.rig_devices.known import AnyDevice
+from goniometer.rig_devices.rotating_polarizer import RotatingPolarizerEntry
 
 
 class Calibration(Section):
@@ -48,7 +49,8 @@ class Rig(Section):
 
     @model_validator(mode="after")
     def _check(self) -> Self:
-        refuse_all([*self._role_faults(), *self._kind_faults(), *self._port_faults(), *self._zone_faults()])
+        faults = *self._role_faults(), *self._kind_faults(), *self._port_faults(), *self._zone_faults()
+        refuse_all([*faults, *self._turning_faults()])
         return self
 
     def _role_faults(self) -> Iterator[SectionFault]:
@@ -142,6 +144,12 @@ class Rig(Section):
                         f"leaves no safe way home for {role}: where it goes on that way is not known beforehand. Write "
                         f"home_at_start: false, and before a scan: goniometer home --axis {role}",
                     )
+
+    def _turning_faults(self) -> Iterator[SectionFault]:
+        axes = self.axes()
+        for name, device in self.devices.items():
+            if isinstance(device, RotatingPolarizerEntry):
+                yield from ((("devices", name, *place), what) for place, what in device.limit_faults(axes))
 
     @staticmethod
     def _share(one: DeviceEntry, other: DeviceEntry) -> bool:

@@ -12,7 +12,7 @@ from acquisition.section import Section, SectionFault, refuse_all
 from acquisition.timing import AnalyzerTiming, AxisTiming, JointTiming, RotatorTiming
 from drivers.rotating_analyzer import RotatingAnalyzer, SlotAngles
 from goniometer.rig_devices.connecting import Connecting
-from goniometer.rig_devices.entry import AnalyzerEntry, Angle, Role, Slot, angle_faults
+from goniometer.rig_devices.entry import AnalyzerEntry, Angle, AxisEntry, Role, Slot, angle_faults
 from sim_devices.bench_devices.entry import SimulatedDevice
 from sim_devices.bench_devices.rotating_polarizer import RotatingPolarizerDevice
 
@@ -94,6 +94,20 @@ class RotatingPolarizerEntry(AnalyzerEntry):
                         ("slots", slot, key),
                         f"got {angle_deg:g}; allowed: {first[1]:g}, as in slot {first[0]}, because turns does not name "
                         f"the {element}",
+                    )
+
+    def limit_faults(self, axes: Mapping[Role, AxisEntry]) -> Iterator[SectionFault]:
+        """Slots that the rotators cannot reach, with what the approach from below needs."""
+        for element in self.turns:
+            role = self.role(element)
+            if role not in axes:
+                continue
+            low_deg, high_deg = axes[role].travel.reachable_deg
+            for slot, angle_deg in self._angles_deg(element).items():
+                if not low_deg <= angle_deg <= high_deg:
+                    yield (
+                        ("slots", slot),
+                        f"turns {role} to {angle_deg:g} degrees; allowed: {low_deg:g} to {high_deg:g}, its limits",
                     )
 
     @property

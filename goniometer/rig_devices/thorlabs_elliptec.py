@@ -36,10 +36,16 @@ _LINE = "elliptec"
 _EXCHANGE_S = 0.019
 """A question of 3 characters and an answer of 13, at 9600 baud."""
 
+_SLIDER_S = _EXCHANGE_S + 0.012
+"""Where a slider is, and its state: 5 characters more."""
+
 _PAUSE_S = 0.1
 """A module is left alone for so long before it is told to move."""
 
-_STEP_S = _PAUSE_S + 2 * _EXCHANGE_S
+_LOOKS_S = 0.03
+"""Its packets are sent and taken every 20 ms: each of three comes 10 ms late on average."""
+
+_STEP_S = _PAUSE_S + 2 * _EXCHANGE_S + _LOOKS_S
 
 
 def bus_of(name: str, bench: Connecting) -> ElliptecBus:
@@ -62,7 +68,7 @@ class ThorlabsElliptecEntry(AxesEntry):
 
     exchange_s = _EXCHANGE_S
     # besides the pause: whether it is homed before and after, the move's own packets, and its own settling
-    start_s = _PAUSE_S + 2 * _EXCHANGE_S + 0.08
+    start_s = _PAUSE_S + 2 * _EXCHANGE_S + 0.08 + _LOOKS_S
 
     @property
     def place(self) -> str | None:
@@ -128,7 +134,7 @@ class ThorlabsElliptecSliderEntry(AnalyzerEntry):
 
     def timing(self, axes: Mapping[Role, AxisTiming]) -> AnalyzerTiming:
         """A slider goes from slot to slot."""
-        return SliderTiming(self.slot_s + _STEP_S, self.settle_s, 2 * _EXCHANGE_S)
+        return SliderTiming(self.slot_s + _STEP_S, self.settle_s, _SLIDER_S)
 
     def connect(self, name: str, bench: Connecting) -> None:
         """Connect the module."""

@@ -51,7 +51,7 @@ def recipe(readings, **changes):
 
 
 def step(kind="signal", readings=1000, slot=2, point=0):
-    return Step(point, kind, replace(HOME, slot=slot), 0.0, readings, EXPOSURE_S, 0.0)
+    return Step(point, kind, HOME._replace(slot=slot), 0.0, readings, EXPOSURE_S, 0.0)
 
 
 def noisy(rng, power_w, scatter=1.0):

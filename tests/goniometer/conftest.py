@@ -147,5 +147,5 @@ def open_room(load):
 def no_report():
     """Leaves out the picture of a run, which takes as long as its scan."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("goniometer.run_folder._draw", lambda path, run: None)
+        patch.setattr("goniometer.run_results.draw", lambda path, run: None)
         yield

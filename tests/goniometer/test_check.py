@@ -9,7 +9,7 @@ import yaml
 
 from goniometer.check import describe_plan
 from goniometer.errors import ConfigurationError
-from goniometer.load_files import load_recipe
+from goniometer.load_files import load_recipe, load_rig
 from goniometer.planning import plan
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -58,6 +58,40 @@ def test_every_limit_and_every_way_through_a_zone_is_named_not_only_the_first(tm
         load_recipe(variant(tmp_path, boxes, exit=None, exit_deg=angles))
     ways = re.findall(r"60/(\d+)/0 to 60/(\d+)/0 degrees", "\n".join(caught.value.faults))
     assert sorted(sorted(map(int, way)) for way in ways) == [[8, 12], [28, 32]]
+
+
+def test_ways_are_named_that_lead_to_the_reference_or_back_or_only_approach_from_below(tmp_path):
+    """The directions themselves are free: between them and the reference there is a part in the way."""
+    exits = {"start_deg": 0.0, "stop_deg": 20.0, "step_deg": 10.0}
+    reference = {"exit_deg": 60.0, "every_points": 2}
+    path = variant(tmp_path, [{"detector_arm": [40.0, 45.0]}], exit=exits)
+    assert load_recipe(path)
+    with pytest.raises(ConfigurationError, match=r"from .* 60/60/0 to 60/[0-9]+/0 degrees no order of moves"):
+        load_recipe(variant(tmp_path, [{"detector_arm": [40.0, 45.0]}], exit=exits, reference=reference))
+
+    below = [{"detector_arm": [-5.0, -1.0]}]
+    assert load_recipe(variant(tmp_path, below, exit=exits))
+    path = variant(tmp_path, below, exit=exits, reference={"exit_deg": -84.5, "every_points": 2})
+    rig = yaml.safe_load((tmp_path / "rig.yaml").read_text())
+    rig["devices"]["arms"]["axes"]["detector_arm"]["backlash_deg"] = 2.0
+    (tmp_path / "rig.yaml").write_text(yaml.safe_dump(rig))
+    with pytest.raises(ConfigurationError, match=r"reference.exit_deg': asks for -84.5 degrees; allowed: -83 to 85"):
+        load_recipe(path)
+    recipe = yaml.safe_load(path.read_text())
+    path.write_text(yaml.safe_dump({key: recipe[key] for key in recipe if key != "reference"}))
+    with pytest.raises(ConfigurationError, match=r"from .* 60/0/0 to 60/0/0 degrees no order of moves"):
+        load_recipe(path)
+
+
+@pytest.mark.parametrize("more", [{"limits_deg": [-40, 180]}, {"limits_deg": [-52, 180], "backlash_deg": 2.0}])
+def test_slots_are_named_that_their_rotator_cannot_reach_or_not_from_below(tmp_path, more):
+    rig = yaml.safe_load((ROOT / "rigs" / "simulated_retarder.yaml").read_text())
+    rig["devices"]["rotator"]["axes"]["retarder"] |= more
+    (tmp_path / "rig.yaml").write_text(yaml.safe_dump(rig))
+    with pytest.raises(
+        ConfigurationError, match=r"slots\[1\]': turns retarder to -51.7 degrees; allowed: -(40|50) to 180"
+    ):
+        load_rig(tmp_path / "rig.yaml")
 
 
 @pytest.mark.parametrize("written", ["exit", "exit_deg"])

@@ -87,7 +87,8 @@ def wander(rng: np.random.Generator, simulated: SimulatedBench, bench: Bench) ->
             targets = {role: bench.axes[role].position_deg() + float(rng.uniform(-40, 40)) for role in targets}
         try:
             if rng.random() < 0.4:
-                for together in bench.order(targets):
+                standing = {role: axis.position_deg() for role, axis in bench.axes.items()}
+                for together in bench.order(standing, targets):
                     for role in together:
                         bench.axes[role].start_move(targets[role])
                     until_at_rest(simulated, bench)
@@ -124,7 +125,7 @@ def test_random_moves_never_touch(seed: int) -> None:
 @pytest.mark.parametrize("seed", range(15))
 def test_without_the_interlock_they_do(seed: int, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(Interlock, "_permit", lambda *_: None)
-    monkeypatch.setattr(Interlock, "order", lambda _, targets: (tuple(targets),))
+    monkeypatch.setattr(Interlock, "order", lambda _, standing, targets: (tuple(targets),))
     rng = np.random.default_rng(seed)
     with pytest.raises(DeviceFaultError, match="touched after"), bench_of(*random_rig(rng)) as (simulated, bench):
         wander(rng, simulated, bench)
