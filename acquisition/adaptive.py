@@ -24,6 +24,8 @@ _FEWEST_AT_FIRST = 4
 _ELSEWHERE = 1 / 30
 """Share of the time that goes into directions far from all that were measured."""
 
+_IN_CASE = "far from all others, in case the fit is wrong"
+
 _LONGEST = 2.0
 """Longest stay, in units of the scan so far: while little is known, little is staked on it."""
 
@@ -87,14 +89,18 @@ class Adaptive:
             return candidates.visit(farthest, self._fewest, "far from all others, because no fit describes the data")
         cost_s = float(candidates.visit_s[farthest]) + self._fewest * candidates.reading_s
         if self._elsewhere_s + cost_s <= _ELSEWHERE * now.elapsed_s:
-            self._elsewhere_s += cost_s
-            return candidates.visit(farthest, self._fewest, "far from all others, in case the fit is wrong")
+            return candidates.visit(farthest, self._fewest, _IN_CASE)
         if now.result.alternatives:
             return self._deciding(now.result, candidates)
         try:
             return self._telling(now, now.result, candidates)
         except (FitError, np.linalg.LinAlgError):
             return candidates.visit(farthest, self._fewest, "far from all others, because some parameters are not told")
+
+    def chosen(self, visit: Visit, duration_s: float) -> None:
+        """Count the time that goes into directions far from all others."""
+        if visit.why == _IN_CASE:
+            self._elsewhere_s += duration_s
 
     def _candidates(self, now: Situation) -> _Candidates:
         exit_deg = np.array(sorted(set(self._recipe.exit_angles_deg())))

@@ -8,6 +8,7 @@ from dataclasses import replace
 
 from acquisition.earlier import Earlier
 from acquisition.readings import Reading
+from acquisition.signal_to_noise import Enough
 from acquisition.steps import Step, Target
 from drivers.clock import Clock
 from goniometer.errors import DeviceFaultError
@@ -37,6 +38,10 @@ class CatchingUp:
         Takes all readings of a step, and leaves for a place or stays.
     tell : callable
         Called with each reading that is there, in order.
+    enough : callable
+        Told the steps that are there, for what it says of later ones may hang by them.
+    lose : callable
+        Told how much of the bench's time was lost, before the scan goes on.
 
     Attributes
     ----------
@@ -54,9 +59,12 @@ class CatchingUp:
         arrive: Callable[[Target], None],
         take: Callable[[Step, Target | None], None],
         tell: Callable[[Reading], None],
+        enough: Enough,
+        lose: Callable[[float], None],
     ) -> None:
         self._earlier, self._clock, self._check = earlier, clock, check
         self._come_by, self._arrive, self._take, self._tell = come_by, arrive, take, tell
+        self._enough, self._lose = enough, lose
         self._steps = len(earlier.steps)
         self._rows = deque(earlier.rows)
         self._to_compare: deque[Reading] = deque()
@@ -66,13 +74,27 @@ class CatchingUp:
         """Whether all readings of a step are there already, and some of a later one; they are told then."""
         if self._steps <= 1:
             return False
+        readings = self._earlier.steps[-self._steps].readings
         self._steps -= 1
-        planned = 0
-        while planned < step.readings:
+        there: list[Reading] = []
+        while len(there) < readings:
             row = self._rows.popleft()
             self._tell(row.reading)
-            planned += row.is_planned
+            if row.is_planned:
+                there.append(row.reading)
+        if there:
+            self._enough(replace(step, exposure_s=there[-1].exposure_s), [reading.power_w for reading in there])
         return True
+
+    @property
+    def is_behind(self) -> bool:
+        """Whether the scan is still to be taken up."""
+        return self._steps > 0
+
+    @property
+    def is_at_last(self) -> bool:
+        """Whether it is to be taken up at the next step."""
+        return self._steps == 1
 
     def take_up(self, step: Step) -> tuple[Reading, ...]:
         """Tell what is there of a step, if it is the last such, and bring the bench to where the scan was cut.
@@ -87,6 +109,7 @@ class CatchingUp:
         DeviceFaultError
             When another light is seen than before.
         """
+        self._to_compare.clear()  # the rest of the step before may have been skipped
         if not self._steps:
             return ()
         self._steps = 0
@@ -94,7 +117,7 @@ class CatchingUp:
             self._tell(self._rows.popleft().reading)
         tail, planned = self._earlier.of_last_step, self._earlier.planned
         there = sum(row.is_planned for row in tail)
-        steps = self._earlier.steps
+        steps = self._earlier.visited
         for place in self._earlier.way[:-1]:
             self._come_by(place)
         if len(steps) > 1:
@@ -106,6 +129,7 @@ class CatchingUp:
             return ()
         self._wait_until(self._earlier.ended_s)
         self._compare_one(step, planned[-1], None)
+        self._lose(self._clock.now() - self._earlier.ended_s)
         self.is_planned = False
         for reference in self._earlier.references(step.point):
             self._take(reference, None)

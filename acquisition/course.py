@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import itertools
 from collections import deque
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -88,18 +89,31 @@ class Situation:
     left_s: float
 
 
-Choice = Callable[[Situation], Visit | None]
-"""Chooses the next direction; None when no direction fits into the time that is left."""
+class Choice(Protocol):
+    """Chooses the next direction."""
+
+    def __call__(self, now: Situation) -> Visit | None:
+        """The next direction; None when no direction fits into the time that is left."""
+        ...
+
+    def chosen(self, visit: Visit, duration_s: float) -> None:
+        """Take note of a visit that was chosen, and of how long it takes, before anything else is chosen."""
+        ...
 
 
-def passes(recipe: Recipe) -> Choice:
+class Passes:
     """The recipe's exit angles forth and back again, without end."""
 
-    def endless() -> Iterator[Visit]:
-        directions = tuple(zip(recipe.exit_angles_deg(), recipe.readings_of_angles(), strict=True))
-        while True:
-            yield from (Visit(exit_deg, readings, "") for exit_deg, readings in directions)
-            directions = directions[::-1]
+    def __init__(self, recipe: Recipe) -> None:
+        directions = zip(recipe.exit_angles_deg(), recipe.readings_of_angles(), strict=True)
+        forth = [Visit(exit_deg, readings, "") for exit_deg, readings in directions]
+        self._visits = itertools.cycle([*forth, *forth[::-1]])
+        self._next = next(self._visits)
 
-    visits = endless()
-    return lambda situation: next(visits)
+    def __call__(self, now: Situation) -> Visit:
+        """The next one, whatever was found."""
+        return self._next
+
+    def chosen(self, visit: Visit, duration_s: float) -> None:
+        """The one behind it is next."""
+        self._next = next(self._visits)

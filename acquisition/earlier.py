@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from itertools import accumulate, pairwise
+from itertools import pairwise
 
 from acquisition.journal import StoredReading
 from acquisition.readings import Reading
@@ -20,13 +20,16 @@ class Earlier:
     rows : tuple of StoredReading
         In the order they were taken; none for a new scan.
     steps : tuple of Step
-        The plan up to the step of the last planned reading.
+        Those up to the step of the last planned reading, with as many readings as each has; the last one with as many
+        as it should have.
     references : callable
         The steps by which the lamp is read anew, at a point; none for a recipe without references.
     alike : callable
         Whether two readings at the same place may be of the same light.
     is_steady : bool
         Whether nothing has held the earlier process up that would not come again, such as a lost link.
+    spent_s : float
+        How much of the bench's time the scan has taken so far, without what was lost.
     """
 
     rows: tuple[StoredReading, ...] = ()
@@ -34,6 +37,7 @@ class Earlier:
     references: Callable[[int], Sequence[Step]] = lambda point: ()
     alike: Callable[[Reading, Reading], bool] = lambda before, now: True
     is_steady: bool = True
+    spent_s: float = 0.0
 
     @property
     def planned(self) -> tuple[Reading, ...]:
@@ -44,6 +48,11 @@ class Earlier:
     def ended_s(self) -> float:
         """When the last reading was over, on the bench's clock."""
         return max(row.reading.time_s + row.reading.exposure_s for row in self.rows)
+
+    @property
+    def visited(self) -> tuple[Step, ...]:
+        """The steps of which a reading is there."""
+        return tuple(step for step in self.steps if step.readings)
 
     @property
     def of_last_step(self) -> tuple[StoredReading, ...]:
@@ -59,13 +68,7 @@ class Earlier:
     @property
     def way(self) -> tuple[Target, ...]:
         """Places over which the bench comes to the last step but one as if it had come all the way, and that one."""
-        return way_to([step.target for step in self.steps[:-1]])
-
-
-def steps_of(plan: Sequence[Step], readings: int) -> tuple[Step, ...]:
-    """The steps that so many readings are of, the last of them perhaps in part."""
-    taken = accumulate((step.readings for step in plan), initial=0)
-    return tuple(step for step, before in zip(plan, taken, strict=False) if before < readings)
+        return way_to([step.target for step in self.visited[:-1]])
 
 
 def way_to(targets: Sequence[Target]) -> tuple[Target, ...]:

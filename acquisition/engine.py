@@ -10,6 +10,7 @@ from typing import Protocol
 
 from acquisition.catching_up import CatchingUp
 from acquisition.control import ScanControl
+from acquisition.decisions import time_lost_key
 from acquisition.earlier import Earlier
 from acquisition.events import Event, LinkRestored, ReadingStored, StepStarted
 from acquisition.expand import Step, Target
@@ -178,8 +179,10 @@ class Engine:
             check,
             come_by=self._come_by,
             arrive=self._arrive,
-            take=lambda step, after: self._take(step, (), after),
+            take=self._take_besides,
             tell=self._tell,
+            enough=enough,
+            lose=lambda lost_s: journal.remember(time_lost_key(self.readings_taken), repr(lost_s)),
         )
         whole = control or ScanControl(), judge or Judge(), clock, journal, publish
         self._orders = Orders(*whole, self._placement, self._wait, time_left)
@@ -246,7 +249,7 @@ class Engine:
             if self._catching_up.passes_over(planned):
                 continue
             step = self._orders.as_ordered(planned)
-            if self._orders.leaves_out(step):
+            if self._orders.leaves_out(step) and not self._catching_up.is_at_last:
                 self._time_left.left_out(step.duration_s, step.readings)
                 continue
             self._links.begin_step()
@@ -270,7 +273,7 @@ class Engine:
             self._take(step, there, after)
             self._time_left.step_done(self._orders.as_ordered(planned).duration_s)
         self._orders.end_direction(steps[-1].point)
-        if ahead is None:
+        if ahead is None and not self._catching_up.is_behind:
             self._links.begin_step()
             self._links.through(self._placement.require_still_there)
 
@@ -280,6 +283,13 @@ class Engine:
         while not (self._readout.has_all(step) or self._orders.leaves_out(step)):
             self._links.through(partial(self._readout.take, step, after))
             after = None  # a reading was in doubt: the bench stays until one is not
+
+    def _take_besides(self, step: Step, after: Target | None) -> None:
+        """Take the readings of a step whatever was skipped: it is not the plan that wants them."""
+        self._readout.begin(())
+        while not self._readout.has_all(step):
+            self._links.through(partial(self._readout.take, step, after))
+            after = None
 
     def _keep(self, reading: Reading) -> None:
         if not self._catching_up.compares(reading):

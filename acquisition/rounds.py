@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 
 from acquisition.averaging import Averaging
+from acquisition.decisions import Decisions
 from acquisition.moving import Moving
 from acquisition.readings import StokesPoint
 from acquisition.steps import HOME, Step, Target
@@ -38,6 +39,8 @@ class Rounds:
         Speeds of the rig.
     saved : callable
         Told the seconds of a direction's longest time that it did not need.
+    decisions : Decisions, optional
+        What an earlier process has decided of the scan is decided again.
     """
 
     reason = "finished"
@@ -45,12 +48,17 @@ class Rounds:
     """Not known: whether there is another round is decided by what was found in the last."""
 
     def __init__(
-        self, steps: Sequence[Step], averaging: Averaging, timing: BenchTiming, saved: Callable[[float], None]
+        self,
+        steps: Sequence[Step],
+        averaging: Averaging,
+        timing: BenchTiming,
+        saved: Callable[[float], None],
+        decisions: Decisions | None = None,
     ) -> None:
         assert averaging.dolp_error is not None, "a recipe without it is not measured in rounds"
         self._wanted, self._least, self._most = averaging.dolp_error, averaging.at_least, averaging.at_most
         self._timing, self._saved, self._moving_s = timing, saved, Moving(timing)
-        self._stretches = deque(_stretches(steps))
+        self._stretches, self._decisions = deque(_stretches(steps)), decisions or Decisions()
         self._here = HOME
         self._slots: list[Step] = []
         self._read, self._size = 0, 0
@@ -73,7 +81,7 @@ class Rounds:
         size = 0
         if self._slots:
             self._read += self._size
-            size = self._wanting(so_far().dolp_stderr)
+            size = self._decided(so_far)
         if size:
             self._size = size
             return False
@@ -96,6 +104,14 @@ class Rounds:
             for step in self._timed(stretch, self._least, 0, here):
                 here, shortest_s = step.target, shortest_s + step.duration_s
         return shortest_s
+
+    def _decided(self, so_far: Callable[[], StokesPoint]) -> int:
+        what = f"{self._slots[0].point} after {self._read}"
+        if (earlier := self._decisions.of(what)) is not None:
+            return int(earlier["readings"])
+        size = self._wanting(so_far().dolp_stderr)
+        self._decisions.note(what, {"readings": size})
+        return size
 
     def _wanting(self, dolp_stderr: float) -> int:
         """How many readings in every slot the next round has; none if this was the last."""

@@ -53,8 +53,11 @@ class TimeLeft:
         self._done_s = 0.0
 
     def step_done(self, duration_s: float) -> None:
-        """A step is done that should have taken so long."""
-        self._done_s += duration_s
+        """A step is done that should have taken so long; one from before the scan begins is not part of it."""
+        if self._begun_s is None:
+            self._duration_s -= duration_s
+        else:
+            self._done_s += duration_s
 
     def held(self, duration_s: float) -> None:
         """The scan was held for so long, which tells nothing of how long its steps take."""

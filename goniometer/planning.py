@@ -11,7 +11,8 @@ import numpy as np
 from acquisition.adaptive import Adaptive, first_exits_deg
 from acquisition.averaged import Averaged
 from acquisition.calibrated_slots import SlotCalibration
-from acquisition.course import Choice, Course, Listed, passes
+from acquisition.course import Choice, Course, Listed, Passes
+from acquisition.decisions import Decisions
 from acquisition.events import Event
 from acquisition.expand import HOME, Slots, Step, Visits, expand
 from acquisition.expected_noise import Detection
@@ -84,22 +85,28 @@ def beginning(recipe: Recipe, rig: Rig) -> tuple[Step, ...]:
 
 
 def course(
-    recipe: Recipe, rig: Rig, clock: Clock, publish: Callable[[Event], None], saved: Callable[[float], None]
+    recipe: Recipe,
+    rig: Rig,
+    clock: Clock,
+    publish: Callable[[Event], None],
+    saved: Callable[[float], None],
+    decisions: Decisions | None = None,
 ) -> Course:
     """The way a scan takes: the recipe's steps, or what it decides as it goes and then publishes.
 
-    `saved` is told the seconds of the longest plan that it turns out not to need.
+    `saved` is told the seconds of the longest plan that it turns out not to need; `decisions` has those that the scan
+    has taken before.
     """
     if recipe.averaging is not None and recipe.averaging.dolp_error is not None:
-        return Rounds(plan(recipe, rig), recipe.averaging, timing(rig), saved)
+        return Rounds(plan(recipe, rig), recipe.averaging, timing(rig), saved, decisions)
     if not recipe.follows_fit:
         return Listed(plan(recipe, rig))
     visits = Visits(recipe, slots(rig, recipe.one_wavelength_nm), timing(rig))
     family = surface_family(recipe.fit, rig.calibration.acceptance_sr)
-    choose: Choice = passes(recipe)
+    choose: Choice = Passes(recipe)
     if recipe.adaptive:
         choose = Adaptive(recipe, visits, family, detection(recipe, rig))
-    return Steering(recipe, visits, family, choose, clock, publish)
+    return Steering(recipe, visits, family, choose, clock, publish, decisions)
 
 
 def references(recipe: Recipe, rig: Rig) -> Callable[[int], tuple[Step, ...]]:
@@ -109,7 +116,10 @@ def references(recipe: Recipe, rig: Rig) -> Callable[[int], tuple[Step, ...]]:
     def at(point: int) -> tuple[Step, ...]:
         wavelength_nm = listed[point // directions]
         visits = Visits(recipe.at_wavelength(wavelength_nm), slots(rig, wavelength_nm), timing(rig))
-        return visits.closing(point, HOME)
+        steps = visits.closing(point, HOME)
+        if recipe.averaging is None or recipe.averaging.dolp_error is None:
+            return steps
+        return tuple(replace(step, readings=recipe.averaging.at_least) for step in steps)
 
     return at
 

@@ -15,25 +15,27 @@ import yaml
 
 from acquisition import journal
 from acquisition.control import ScanControl
-from acquisition.earlier import Earlier, steps_of
+from acquisition.earlier import Earlier
 from acquisition.events import Subscriber
-from acquisition.expand import HOME, Step, Target
+from acquisition.expand import HOME, Target
 from acquisition.journal import LINK_LOST, Journal
-from acquisition.orders import ORDERED
+from acquisition.orders import ORDERED, skipped_points
+from acquisition.recipe import Recipe
+from acquisition.retrace import Retraced, recorded, retrace
+from acquisition.steering import spent_s
 from acquisition.suspend import SUSPENDED, SuspendWhen
 from acquisition.watchdog import LIMIT_S
+from drivers.clock import WallClock
 from goniometer.assembly import connected
 from goniometer.attended import Attended
 from goniometer.bench import LeftOff, Speed, access
 from goniometer.errors import ConfigurationError
 from goniometer.load_files import Setup
-from goniometer.planning import alike, plan, references
+from goniometer.planning import alike, course, enough, references
 from goniometer.resume_checks import (
     file_notes,
     refuse_other_bench,
     refuse_other_devices,
-    refuse_other_readings,
-    refuse_skipped,
     rig_to_go_on_with,
     version_notes,
 )
@@ -136,13 +138,12 @@ def _go_on(
 ) -> None:
     about, taken, folder = stored.about(), stored.taken(), stored.path.parent
     setup = _setup(folder, about, Path(rig_path) if rig_path else None)
-    refuse_skipped(folder, about)
-    steps = _steps(setup, folder)
+    decisions = recorded(about)
+    way = course(setup.recipe, setup.rig, WallClock(), lambda event: None, lambda saved_s: None, decisions)
     planned = [row.reading for row in taken if row.is_planned]
-    refuse_other_readings(steps, planned)
-    missing = sum(step.readings for step in steps) - len(planned)
-    if not missing:
-        stored.remember("ended", "finished")
+    gone = retrace(way, planned, skipped_points(about), enough(setup.recipe, setup.rig))
+    if gone.is_whole:
+        stored.remember("ended", way.reason)
         return
     if setup.scene is None and setup.rig.bench is None and not is_same_sample():
         raise ConfigurationError(
@@ -150,11 +151,13 @@ def _go_on(
         )
     earlier = Earlier(
         taken,
-        steps_of(steps, len(planned)),
+        gone.steps,
         references(setup.recipe, setup.rig),
         alike(setup.recipe, setup.rig),
         is_steady=not any(key.startswith((LINK_LOST, ORDERED, SUSPENDED)) for key in about),
     )
+    if setup.recipe.follows_fit and taken:
+        earlier = replace(earlier, spent_s=spent_s(decisions, earlier.ended_s))
     left_off, notes = _left_off(stored, earlier, speed)
     with ExitStack() as stack:
         bench_access = stack.enter_context(access(setup, speed, left_off))
@@ -166,14 +169,15 @@ def _go_on(
         refuse_other_devices(about.get("devices", ""), bench.identities)
         if setup.scene is None:  # a bench that has outlived the process that was cut short
             come_to_rest(bench, bench_access.clock, attended.check)
-            bench = replace(bench, to_home=out_of_place(bench, setup.rig, _places(steps, earlier, stored)))
+            bench = replace(bench, to_home=out_of_place(bench, setup.rig, _places(gone, earlier, stored)))
         attended.check()
         stored.begin_again(
             datetime.now().astimezone().isoformat(timespec="seconds"),
             f"goniometer {importlib.metadata.version('goniometer')} on {platform.node()}",
         )
         notes = (
-            f"resumed: {len(taken)} readings are there, {missing} are missing; {stored.interruptions()[-1]}",
+            f"resumed: {len(taken)} readings are there{_missing(setup.recipe, gone, len(planned))}; "
+            f"{stored.interruptions()[-1]}",
             *notes,
             *file_notes(about),
             *version_notes(about),
@@ -220,16 +224,11 @@ def _setup(folder: Path, about: dict[str, str], rig_path: Path | None) -> Setup:
     )
 
 
-def _steps(setup: Setup, folder: Path) -> tuple[Step, ...]:
-    if setup.recipe.is_steered:
-        raise ConfigurationError(
-            [
-                f"{folder} was not resumed: its recipe decides as it goes (until, adaptive, at_most), by fits, errors "
-                "or the time that has gone, which cannot be taken up again. Nothing was moved. Fit what there is "
-                f"(goniometer fit {folder}), or run the recipe again."
-            ]
-        )
-    return plan(setup.recipe, setup.rig)
+def _missing(recipe: Recipe, gone: Retraced, there: int) -> str:
+    """How many readings are missing, where that is known before they are taken."""
+    if recipe.is_steered:
+        return ""
+    return f", {sum(step.readings for step in (*gone.steps, *gone.ahead)) - there} are missing"
 
 
 def _left_off(stored: Journal, earlier: Earlier, speed: Speed | None) -> tuple[LeftOff | None, tuple[str, ...]]:
@@ -239,8 +238,8 @@ def _left_off(stored: Journal, earlier: Earlier, speed: Speed | None) -> tuple[L
         return None, ()
     ago_s = (datetime.now(UTC) - datetime.fromisoformat(stored_at)).total_seconds()
     again = len(earlier.of_last_step) if speed == "max" and earlier.can_come_again else 1
-    again += len(earlier.steps) > 1  # and one of the step before
-    past = Past(len(earlier.rows) - again, _turns([step.target for step in earlier.steps[:-1]]) - _turns(earlier.way))
+    again += len(earlier.visited) > 1  # and one of the step before
+    past = Past(len(earlier.rows) - again, _turns([step.target for step in earlier.visited[:-1]]) - _turns(earlier.way))
     note = (
         f"the computer's clock was set back: the last reading was stored at {stored_at}, which has not come yet; no "
         "time is taken to have gone",
@@ -248,10 +247,9 @@ def _left_off(stored: Journal, earlier: Earlier, speed: Speed | None) -> tuple[L
     return LeftOff(earlier.ended_s, max(0.0, ago_s), past), note if ago_s < 0 else ()
 
 
-def _places(steps: Sequence[Step], earlier: Earlier, stored: Journal) -> tuple[Target, ...]:
+def _places(gone: Retraced, earlier: Earlier, stored: Journal) -> tuple[Target, ...]:
     """Where a program that was killed may have left the bench: it leaves a place before the last reading is stored."""
-    last = len(earlier.steps)
-    places = [HOME, *(step.target for step in steps)][last : last + 3]
+    places = [HOME, *(step.target for step in gone.steps)][-1:] + [step.target for step in gone.ahead[:2]]
     if stored.interruptions() and earlier.steps:  # it may have been on its way to where it was to go on
         places += [*earlier.way, *(step.target for step in earlier.references(earlier.steps[-1].point))]
     return tuple(places)

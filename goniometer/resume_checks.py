@@ -3,17 +3,13 @@
 from __future__ import annotations
 
 import importlib.metadata
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
 import yaml
 
-from acquisition.doubts import named
-from acquisition.orders import skipped_points
-from acquisition.readings import Reading
-from acquisition.steps import Step
-from goniometer.errors import ConfigurationError, DeviceFaultError, JournalError
+from goniometer.errors import ConfigurationError, DeviceFaultError
 from goniometer.load_files import load_rig
 from goniometer.rig_file import Rig
 
@@ -64,36 +60,6 @@ def refuse_other_devices(before: str, now: Mapping[str, str]) -> None:
                 not_done="the run was not resumed and nothing was moved",
                 to_do="look which cable leads where; with another device, run the recipe anew",
             )
-
-
-def refuse_other_readings(plan: Sequence[Step], taken: Sequence[Reading]) -> None:
-    """Raise JournalError unless the readings are those that the plan begins with, without a gap."""
-    wanted = (
-        (step.point, step.kind, step.target.slot, step.target.generator, repeat)
-        for step in plan
-        for repeat in range(step.readings)
-    )
-    for number, reading in enumerate(taken, 1):
-        found = reading.point, reading.kind, reading.slot, reading.generator_slot, reading.repeat
-        if next(wanted, None) != found:
-            raise JournalError(
-                f"Reading {number} of the plan is missing in the journal, or this version of goniometer would take "
-                f"another one than the {reading.kind} at point {reading.point} in slot {reading.slot} that stands in "
-                "its place. Nothing was moved. Resume the run with the version that it was begun with, which its "
-                "journal names, or run the recipe anew."
-            )
-
-
-def refuse_skipped(folder: Path, about: Mapping[str, str]) -> None:
-    """Raise ConfigurationError when a person had directions skipped: what is missing is not the end of the plan."""
-    if skipped := skipped_points(about):
-        raise ConfigurationError(
-            [
-                f"{folder} was not resumed, and nothing was moved: the rest of {named(skipped)} was skipped, and a run "
-                "goes on only where the end of its plan is missing. Fit what there is (goniometer fit "
-                f"{folder}), or run the recipe again."
-            ]
-        )
 
 
 def file_notes(about: Mapping[str, str]) -> Iterator[str]:

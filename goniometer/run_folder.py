@@ -12,6 +12,7 @@ import yaml
 
 from acquisition import journal
 from acquisition.calibrated_slots import SlotCalibration
+from acquisition.decisions import without_decisions
 from acquisition.doubts import skipped
 from acquisition.fit_points import dataset, fit_arguments, named_in_degrees, surface_family
 from acquisition.journal import Journal
@@ -124,7 +125,8 @@ def as_far_as_measured(folder: str | Path) -> MeasuredRun:
     if folder.name == journal.FILE_NAME:
         folder = folder.parent
     with Journal.open(folder / journal.FILE_NAME) as stored:
-        readings, about, interruptions = stored.readings(), stored.about(), stored.interruptions()
+        readings, about = stored.readings(), without_decisions(stored.about())
+        interruptions = stored.interruptions()
         damage = (
             f"{stored.path} is damaged ({stored.damage}): {len(readings)} readings can be read" if stored.damage else ""
         )

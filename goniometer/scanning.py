@@ -8,6 +8,7 @@ from contextlib import ExitStack, contextmanager, suppress
 from functools import partial
 
 from acquisition.course import Course
+from acquisition.decisions import Decisions
 from acquisition.earlier import Earlier
 from acquisition.engine import Bench, Engine, stopped_afterwards
 from acquisition.events import ScanEnded, ScanStarted, Subscriber
@@ -81,7 +82,8 @@ def scan(
             readings=started.readings or 0,
             reading_s=timing(rig).reading_s,
         )
-        way = course(recipe, rig, clock, pipeline.publish, time_left.step_done)
+        decisions = Decisions(stored.about if earlier and earlier.rows else dict, stored.remember)
+        way = course(recipe, rig, clock, pipeline.publish, time_left.step_done, decisions)
         watchdog = Watchdog(
             attended.watchdog_s,
             lambda silent_s: end_hung(silent_s, folder, None if rig.is_simulated else setup.rig_path),
@@ -154,12 +156,13 @@ def _started(
     recipe = setup.recipe
     steps = None if recipe.follows_fit else plan(recipe, setup.rig)
     passed_s = sum(step.duration_s for step in earlier.steps[:-1]) if earlier else 0.0
+    limit_s = None if recipe.time_limit_s is None else recipe.time_limit_s - (earlier.spent_s if earlier else 0.0)
     return ScanStarted(
         run=folder,
         recipe=recipe.recipe,
         points=None if steps is None else len({step.point for step in steps}),
         readings=None if steps is None or recipe.is_steered else sum(step.readings for step in steps),
-        expected_duration_s=recipe.time_limit_s or span_s(recipe, setup.rig)[1] - passed_s,
+        expected_duration_s=span_s(recipe, setup.rig)[1] - passed_s if limit_s is None else max(limit_s, 0.0),
         truth=scene_truth(scene_text, recipe.wavelengths_nm()[0]),
         notes=notes,
         aim=aim(recipe, setup.rig),

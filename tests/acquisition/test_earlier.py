@@ -1,7 +1,7 @@
-"""From where a scan is taken up: which steps are there, and the places that tell from which side to come."""
+"""From where a scan is taken up: the places that tell from which side to come."""
 
-from acquisition.earlier import steps_of, way_to
-from acquisition.steps import Step, Target
+from acquisition.earlier import way_to
+from acquisition.steps import Target
 
 
 def at(incidence_deg, exit_deg, slot, azimuth_deg=0.0, generator=None):
@@ -22,8 +22,3 @@ def test_what_never_turned_wants_no_place():
     assert way_to([at(60, 0, 1)]) == (at(60, 0, 1),)
     assert way_to([at(60, 0, 1)] * 3) == (at(60, 0, 1),)
     assert way_to([]) == ()
-
-
-def test_the_last_step_may_be_there_in_part():
-    plan = [Step(point, "signal", at(60, point, 1), 0.0, 3, 0.1, 1.0) for point in range(3)]
-    assert [len(steps_of(plan, readings)) for readings in range(10)] == [0, 1, 1, 1, 2, 2, 2, 3, 3, 3]

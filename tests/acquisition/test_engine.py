@@ -5,7 +5,7 @@ from dataclasses import dataclass, field, replace
 
 import pytest
 
-from acquisition.earlier import Earlier, steps_of
+from acquisition.earlier import Earlier
 from acquisition.engine import Bench, Engine, stopped_afterwards
 from acquisition.events import LinkRestored, ReadingStored
 from acquisition.expand import Step, Target
@@ -453,7 +453,7 @@ def test_a_link_may_be_lost_while_a_scan_is_taken_up(tmp_path, bench, clock, jou
         with Journal.create(tmp_path / f"{number}", {"link lost 1": "before"}) as cut:
             for row in journal.taken()[:-1]:
                 cut.append(row.reading)
-            earlier = Earlier(cut.taken(), steps_of(STEPS, len(expected) - 1))
+            earlier = Earlier(cut.taken(), STEPS)
             Engine(bench, clock, cut, told.append, check, TimeLeft(clock, 60.0), earlier=earlier).run(STEPS)
             assert rows(cut) == expected
             lost = sum(isinstance(event, LinkRestored) for event in told)

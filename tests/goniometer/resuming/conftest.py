@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 import goniometer
-from acquisition.journal import FILE_NAME
+from acquisition.journal import FILE_NAME, Journal
 from goniometer.signals import Interruption
 
 ROOT = Path(__file__).resolve().parents[3]
@@ -65,17 +65,37 @@ def whole(recipe, tmp_path_factory):
     return goniometer.run(recipe(), speed="max", out=tmp_path_factory.mktemp("whole"), live_fit=False).folder
 
 
+@pytest.fixture(scope="session")
+def noted_in():
+    """Runs a recipe; gives its folder and, by key, after how many readings the journal was told of a decision."""
+
+    def run(path, out, **options):
+        noted = {}
+
+        class Noting(Journal):
+            def remember(self, key, text):
+                if key.startswith("decision"):
+                    noted[key] = len(self.readings())
+                super().remember(key, text)
+
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr("goniometer.run_recipe.Journal", Noting)
+            return goniometer.run(path, speed="max", out=out, live_fit=False, **options).folder, noted
+
+    return run
+
+
 @pytest.fixture
 def cut(tmp_path):
-    """Gives a copy of a run as it was after so many readings, as a kill leaves it."""
+    """Gives a copy of a run as it was after so many readings, as a kill leaves it; `unknown` are keys not noted yet."""
 
-    def copy(run, readings, name="cut"):
+    def copy(run, readings, name="cut", unknown=()):
         folder = tmp_path / name
         folder.mkdir()
         shutil.copy(run / FILE_NAME, folder)
         with closing(sqlite3.connect(folder / FILE_NAME)) as connection:
             connection.execute("DELETE FROM readings WHERE id > ?", (readings,))
-            connection.execute("DELETE FROM about WHERE key = 'ended'")
+            connection.executemany("DELETE FROM about WHERE key = ?", [(key,) for key in ("ended", *unknown)])
             connection.commit()
         return folder
 
