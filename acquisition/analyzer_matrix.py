@@ -13,6 +13,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from acquisition.swept_row import swept_row
 from goniometer.errors import ReductionError
 
 CONDITION_LIMIT = 100.0
@@ -41,21 +42,28 @@ class AnalyzerState:
         Angle of the fast axis of the retarder that the light passes first; None without one.
     retardance_deg : float or None
         By how much the slow axis comes behind the fast one, 90 for a quarter-wave plate; None without a retarder.
+    polarizer_sweep_deg, retarder_sweep_deg : float
+        How far each turns, evenly, while light is collected; the angles are those in the middle.
     """
 
     polarizer_deg: float | None = None
     retarder_deg: float | None = None
     retardance_deg: float | None = None
+    polarizer_sweep_deg: float = 0.0
+    retarder_sweep_deg: float = 0.0
 
     def row(self) -> NDArray[np.float64]:
         """The row (4,) whose product with S0, S1, S2, S3 is what passes.
 
         For a polarizer at psi behind a retarder delta at beta, with u = 2 psi - 2 beta, it is ½ [1, cos u cos 2beta -
         cos delta sin u sin 2beta, cos u sin 2beta + cos delta sin u cos 2beta, sin delta sin u]; without a retarder
-        ½ [1, cos 2psi, sin 2psi, 0].
+        ½ [1, cos 2psi, sin 2psi, 0]. Of what turns meanwhile it is the mean (`swept_row`).
         """
         if self.polarizer_deg is None:
             return np.array([1.0, 0.0, 0.0, 0.0])
+        if self.polarizer_sweep_deg or self.retarder_sweep_deg:
+            of_retarder = self.retarder_deg or 0.0, self.retarder_sweep_deg, self.retardance_deg or 0.0
+            return swept_row(self.polarizer_deg, self.polarizer_sweep_deg, *of_retarder)
         twice = math.radians(2.0 * self.polarizer_deg)
         if self.retarder_deg is None or self.retardance_deg is None:
             return 0.5 * np.array([1.0, math.cos(twice), math.sin(twice), 0.0])

@@ -20,7 +20,8 @@ class CatchingUp:
     In virtual time a scan follows from how a step begins. So the bench goes to that step's place, from where it had
     come there and has read the light once more, the step's time is waited for, and its readings are taken as they were.
     All of these are compared with what is stored instead of stored. Where it is too late for that, as on every real
-    bench, time was lost: only the step's last reading is compared, and the lamp is read anew.
+    bench, time was lost: only the step's last reading is compared, and the lamp is read anew. Behind an analyzer that
+    turns, no reading is at the angle of another, and none is compared then.
 
     Parameters
     ----------
@@ -146,6 +147,9 @@ class CatchingUp:
         return True
 
     def _compare_one(self, step: Step, there: Reading, after: Target | None) -> None:
+        if step.rotation is not None:
+            self._come_by(step.target)
+            return
         self._to_compare.append(there)
         self._take(replace(step, readings=1), after)
 

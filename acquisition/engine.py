@@ -27,6 +27,7 @@ from acquisition.stopping import stop_all
 from acquisition.suspend import Judge
 from acquisition.time_left import TimeLeft
 from acquisition.timing import POLL_S
+from acquisition.turn_readout import TurnReadout
 from drivers.clock import Clock
 from drivers.interlock import Interlock
 from drivers.motion import without_home
@@ -186,7 +187,8 @@ class Engine:
         )
         whole = control or ScanControl(), judge or Judge(), clock, journal, publish
         self._orders = Orders(*whole, self._placement, self._wait, time_left)
-        self._readout = Readout(bench, clock, self._keep, self._placement, self._wait, self._orders, enough)
+        taking = bench, clock, self._keep, self._placement, self._wait, self._orders
+        self._standing, self._turning = Readout(*taking, enough), TurnReadout(*taking)
         self.readings_taken = 0
 
     def is_skipped(self, point: int) -> bool:
@@ -277,18 +279,23 @@ class Engine:
             self._links.begin_step()
             self._links.through(self._placement.require_still_there)
 
+    def _readout(self, step: Step) -> Readout | TurnReadout:
+        return self._standing if step.rotation is None else self._turning
+
     def _take(self, step: Step, there: Sequence[Reading], after: Target | None) -> None:
         """Take the readings of a step but for the first ones that are there."""
-        self._readout.begin(there)
-        while not (self._readout.has_all(step) or self._orders.leaves_out(step)):
-            self._links.through(partial(self._readout.take, step, after))
+        readout = self._readout(step)
+        readout.begin(there)
+        while not (readout.has_all(step) or self._orders.leaves_out(step)):
+            self._links.through(partial(readout.take, step, after))
             after = None  # a reading was in doubt: the bench stays until one is not
 
     def _take_besides(self, step: Step, after: Target | None) -> None:
         """Take the readings of a step whatever was skipped: it is not the plan that wants them."""
-        self._readout.begin(())
-        while not self._readout.has_all(step):
-            self._links.through(partial(self._readout.take, step, after))
+        readout = self._readout(step)
+        readout.begin(())
+        while not readout.has_all(step):
+            self._links.through(partial(readout.take, step, after))
             after = None
 
     def _keep(self, reading: Reading) -> None:

@@ -11,7 +11,7 @@ _ADDED: dict[str, tuple[str, ...]] = {
     "2": ("retarder_deg", "retardance_deg"),
     "3": (),  # what was planned, and interruptions
     "4": ("exit_azimuth_deg", "generator_slot", "generator_deg", "generator_retarder_deg", "generator_retardance_deg"),
-    "5": ("wavelength_nm",),
+    "5": ("wavelength_nm", "analyzer_sweep_deg", "retarder_sweep_deg"),
 }
 """Columns of a reading that each format has beside those of the one before."""
 

@@ -155,6 +155,12 @@ def _write_instrument(entry: h5py.Group, readings: Sequence[Reading], noise: Noi
         retarder["retardance"] = _field(
             raw, "retardance", retardance_deg, "deg", "of the slow axis behind the fast one"
         )
+    for name, sweeps_deg in (
+        ("polarizer_sweep", [reading.analyzer_sweep_deg for reading in readings]),
+        ("fast_axis_sweep", [reading.retarder_sweep_deg for reading in readings]),
+    ):
+        if any(sweeps_deg):
+            _field(raw, name, [sweep_deg or 0.0 for sweep_deg in sweeps_deg], "deg", "turned during the exposure")
     write_generator(instrument, raw, readings)
     _field(raw, "analyzer_slot", np.array([reading.slot for reading in readings], int), _DIMENSIONLESS)
     _field(raw, "point", np.array([reading.point for reading in readings], int), _DIMENSIONLESS)

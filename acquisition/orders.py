@@ -13,7 +13,7 @@ from acquisition.events import Event, ExposureChanged, Paused, RequestRefused, S
 from acquisition.journal import Journal
 from acquisition.lamp_level import LampBreak
 from acquisition.placement import Placement
-from acquisition.protocols import Detector
+from acquisition.protocols import TakesExposures
 from acquisition.readings import Reading
 from acquisition.steps import Step
 from acquisition.suspend import Doubt, Judge, SuspendedTooLongError, note, note_key, suspensions
@@ -141,7 +141,7 @@ class Orders:
         if self._doubt is not None:
             self._suspend(self._doubt)
 
-    def start_reading(self, detector: Detector, step: Step) -> Step:
+    def start_reading(self, detector: TakesExposures, step: Step) -> Step:
         """Begin a reading; one whose exposure was changed to what the detector refuses, with the exposure before."""
         try:
             detector.start_reading(step.exposure_s)

@@ -121,6 +121,15 @@ class Placement:
         self._wait(max(way.settled_s - self._clock.now(), 0.0))
         self._at = target
 
+    def send_analyzer(self, slot: int) -> None:
+        """Send the analyzer to a slot, on the way to which light is read; `arrive` then waits for it."""
+        self._analyzer.send(slot)
+
+    def ask_analyzer(self) -> None:
+        """Take nothing for granted of the analyzer: `arrive` asks it where it stands, and brings it back."""
+        self._at = None
+        self._analyzer.forget()
+
     def require_still_there(self) -> dict[str, float]:
         """Ask every axis where it is; raises PositionError when one is not where it was left.
 

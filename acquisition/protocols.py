@@ -97,12 +97,16 @@ class Analyzer(Reachable, Protocol):
         ...
 
 
-class Detector(Reachable, Protocol):
-    """A detector of optical power."""
+class TakesExposures(Protocol):
+    """What begins readings."""
 
     def start_reading(self, exposure_s: float) -> None:
-        """Begin one reading."""
+        """Begin one reading; raises LimitError for an exposure that cannot be."""
         ...
+
+
+class Detector(Reachable, TakesExposures, Protocol):
+    """A detector of optical power."""
 
     def is_exposing(self) -> bool:
         """Whether the reading still needs the light; afterwards the bench may move, `is_reading` or not.

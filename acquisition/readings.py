@@ -24,6 +24,9 @@ class Reading:
     `exit_azimuth_deg` is the detector arm's turn out of the plane of incidence, None on a bench that cannot turn it.
     Those of the generator say of the light on the sample what those of the analyzer say of the reflected one, None
     where it is unpolarized. `wavelength_nm` is that of the light, None in journals from before it was stored.
+    `analyzer_sweep_deg` and `retarder_sweep_deg` say how far polarizer and retarder turned, evenly, in the exposure;
+    the angles are those in its middle; None for what stood still. Of an analyzer that turned, `slot` is 1 forwards and
+    2 backwards.
     """
 
     point: int
@@ -45,6 +48,8 @@ class Reading:
     generator_retarder_deg: float | None = None
     generator_retardance_deg: float | None = None
     wavelength_nm: float | None = None
+    analyzer_sweep_deg: float | None = None
+    retarder_sweep_deg: float | None = None
 
     @property
     def generator(self) -> GeneratorState:
@@ -54,7 +59,8 @@ class Reading:
     @property
     def analyzer(self) -> AnalyzerState:
         """What the light has passed."""
-        return AnalyzerState(self.analyzer_deg, self.retarder_deg, self.retardance_deg)
+        sweeps_deg = self.analyzer_sweep_deg or 0.0, self.retarder_sweep_deg or 0.0
+        return AnalyzerState(self.analyzer_deg, self.retarder_deg, self.retardance_deg, *sweeps_deg)
 
 
 @dataclass(frozen=True)

@@ -164,7 +164,8 @@ class Readout:
             self._wait(READING_POLL_S)
 
     def _judged(self, step: Step, repeat: int, time_s: float, angles_deg: tuple[float, ...]) -> Reading | None:
-        return self._orders.judged(time_s, lambda: _reading(step, repeat, time_s, angles_deg, self._detector.power_w()))
+        taken = step, repeat, time_s, angles_deg
+        return self._orders.judged(time_s, lambda: reading_of(*taken, self._detector.power_w()))
 
     def _departure(self, target: Target) -> DeviceError | None:
         """Leave for a target; returns what went wrong, for the reading that has its light is to be stored first."""
@@ -190,7 +191,8 @@ class Readout:
         self._powers_w.append(reading.power_w)
 
 
-def _reading(step: Step, repeat: int, time_s: float, angles_deg: tuple[float, ...], power_w: float) -> Reading:
+def reading_of(step: Step, repeat: int, time_s: float, angles_deg: tuple[float, ...], power_w: float) -> Reading:
+    """A reading of a step, with the angles at which the axes stood."""
     incidence_deg, exit_deg, azimuth_deg, *out_of_plane = angles_deg
     return Reading(
         point=step.point,

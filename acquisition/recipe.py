@@ -19,6 +19,7 @@ from acquisition.fit_choice import ParameterName
 from acquisition.generator_choice import generator_faults, generator_settings, purpose_faults
 from acquisition.lamp_level import LARGEST_CHANGE
 from acquisition.recipe_directions import RecipeDirections
+from acquisition.rotation import AnalyzerRotation, rotation_faults
 from acquisition.section import Section, SectionFault, refuse_all
 from acquisition.suspend import Suspend
 from acquisition.wavelengths import Wavelengths, wavelength_faults
@@ -84,7 +85,13 @@ class Recipe(RecipeDirections):
         "name them; leave out where there is no retarder",
     )
     analyzer_deg: Annotated[tuple[AnalyzerAngle, ...], Field(strict=False, min_length=3)] = Field(
-        description="at least 3 polarizer angles, in degrees, as the rig's slots name them; 4 for S3, with retarder_deg"
+        default=(),
+        description="at least 3 polarizer angles, in degrees, as the rig's slots name them; 4 for S3, with "
+        "retarder_deg",
+    )
+    analyzer_rotation: AnalyzerRotation | None = Field(
+        default=None,
+        description="in place of analyzer_deg: the analyzer turns while it is read, readings times in a turn",
     )
     generator_deg: Annotated[tuple[AnalyzerAngle, ...], Field(strict=False)] | None = Field(
         default=None,
@@ -158,6 +165,11 @@ class Recipe(RecipeDirections):
                 )
         check_analyzer_set(angles_deg)
         return angles_deg
+
+    @model_validator(mode="after")
+    def _check_rotation(self) -> Self:
+        refuse_all(rotation_faults(self))
+        return self
 
     @model_validator(mode="after")
     def _check_readings(self) -> Self:

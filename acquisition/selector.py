@@ -25,10 +25,17 @@ class Selector:
         self.device, self._part, self._held = device, part, held
         self._slot: int | None = None
         self._is_sent = False
+        self._goes_to: int | None = None
 
     def forget(self) -> None:
         """Take nothing for granted that the device said before."""
-        self._slot = None
+        self._slot = self._goes_to = None
+
+    def send(self, slot: int) -> None:
+        """Send it to a slot, and wait for nothing: light is read on the way."""
+        self.forget()
+        self.device.start_select(slot)
+        self._goes_to = slot
 
     def arrived(self) -> None:
         """What was sent has arrived."""
@@ -36,6 +43,9 @@ class Selector:
 
     def begin(self, wanted: int) -> bool:
         """Begin to bring a slot into the beam; False if it is there already and nothing was sent since."""
+        if self._goes_to == wanted:
+            self._goes_to = None
+            return True
         if self._slot is None:
             self._slot = self.device.slot()
         if self._slot == wanted and not self._is_sent:

@@ -10,6 +10,7 @@ from acquisition.analyzer_matrix import AnalyzerState
 from acquisition.generator import GeneratorState
 from acquisition.readings import ReadingKind
 from acquisition.recipe import Recipe
+from acquisition.rotation import BACKWARDS, FORWARDS
 from acquisition.steps import Slots
 from acquisition.timing import BenchTiming
 
@@ -31,6 +32,8 @@ def tours(recipe: Recipe, slots: Slots, timing: BenchTiming) -> tuple[list[Stop]
     follows from the others.
     """
     tour = shortest_tour(recipe, slots, timing)
+    if recipe.analyzer_rotation is not None:
+        return tour, tour  # each direction leaves the analyzer where the next one begins
     if recipe.averaging is None or recipe.averaging.signal_to_noise is None or not recipe.dark:
         return tour, tour[::-1]
     (dark,) = (stop for stop in tour if stop.kind == "dark")
@@ -42,8 +45,12 @@ def shortest_tour(recipe: Recipe, slots: Slots, timing: BenchTiming) -> list[Sto
     """The stops at one direction in the order that takes the least time.
 
     Of analyzer and generator the one that is quicker runs through all its slots while the other stays, forth and then
-    back (both snake); the dark reading, once, comes where it costs least.
+    back (both snake); the dark reading, once, comes where it costs least. An analyzer that turns while it is read has a
+    stop for each turn.
     """
+    if recipe.analyzer_rotation is not None:
+        ends = (FORWARDS, BACKWARDS) * (recipe.analyzer_rotation.turns // 2)
+        return [Stop(end, "signal", AnalyzerState()) for end in ends]
     analyzers = [_analyzer_stop(slots, setting) for setting in recipe.settings()]
     darks = []
     if recipe.dark:

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import NamedTuple, Self
+from typing import TYPE_CHECKING, NamedTuple, Self
 
 from acquisition.analyzer_matrix import AnalyzerState
 from acquisition.generator import GeneratorState
 from acquisition.readings import ReadingKind
+
+if TYPE_CHECKING:
+    from acquisition.rotation import Rotation
 
 
 @dataclass(frozen=True)
@@ -82,7 +85,8 @@ class Step:
 
     Where the scan averages until something is reached, `readings` is the most of them. `first_repeat` is how often the
     slot was read in this direction before. `cycle` counts the repeats of all directions, from 0. `made` is what the
-    light passes before the sample.
+    light passes before the sample. Where the analyzer turns while it is read, as `rotation` says, a step is one turn,
+    from the end of its way that is the target's slot.
     """
 
     point: int
@@ -99,6 +103,7 @@ class Step:
     cycle: int = 0
     made: GeneratorState = GeneratorState()  # noqa: RUF009 (frozen)
     wavelength_nm: float | None = None
+    rotation: Rotation | None = None
 
     @property
     def analyzer(self) -> AnalyzerState:

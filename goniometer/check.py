@@ -25,6 +25,8 @@ def describe_plan(setup: Setup) -> str:
     """What a recipe comes to, and its steps, a line a direction or a sweep, with the time at which each ends."""
     steps = beginning(setup.recipe, setup.rig)
     named = "analyzer slots" if steps[0].target.generator is None else "generator/analyzer"
+    if steps[0].rotation is not None:
+        named = "turns"
     lines = [
         *_heading(setup, steps),
         f"rig: {setup.rig.rig} ({setup.rig_path})",
@@ -52,6 +54,11 @@ def describe_plan(setup: Setup) -> str:
 
 def _told(steps: Sequence[Step]) -> str:
     """What the settings tell, and by how much they may enlarge errors."""
+    if (rotation := steps[0].rotation) is not None:
+        turn = list(rotation.states(steps[0].readings, steps[0].exposure_s))
+        matrix = [(state, steps[0].made) for state in turn]
+        turning = f"{rotation.element} turning at {rotation.axis.velocity_deg_s:g}°/s, {len(turn)} readings a turn"
+        return f"{turning}, S0 to S{settings_shape(matrix)[0] - 1}, condition number {condition(matrix):.3g}"
     of_slots = {_slots(step): step for step in steps if step.kind == "signal"}
     settings = [(step.analyzer, step.made) for step in of_slots.values()]
     rows, columns = settings_shape(settings)
@@ -87,6 +94,8 @@ def _travel(steps: Sequence[Step], roles: Sequence[Role]) -> str:
     angles_deg = np.array([place.angles_deg for place in places])
     ways_deg = np.abs(np.diff(angles_deg, axis=0)).sum(axis=0)[: len(roles)]
     axes = ", ".join(f"{role.replace('_', ' ')} {way_deg:.0f}°" for role, way_deg in zip(roles, ways_deg, strict=True))
+    if steps[0].rotation is not None:
+        return f"{axes}, analyzer {len(steps)} turns"
     changes = sum(one.slot != other.slot for one, other in itertools.pairwise(places))
     turns = sum(one.generator != other.generator for one, other in itertools.pairwise(places))
     of_generator = f", generator {turns}" if turns else ""
@@ -175,7 +184,7 @@ def _line(run: Sequence[Step], elapsed_s: float, *, out_of_plane: bool) -> str:
     azimuth = _ends(first.target.azimuth_deg, last.target.azimuth_deg, 2)
     if out_of_plane:
         azimuth = f"{azimuth:>7}  {_ends(first.target.exit_azimuth_deg, last.target.exit_azimuth_deg, 2):>12}"
-    slots = _settings_text(run)
+    slots = _settings_text(run) if first.rotation is None else f"{len(run)}"
     return f"{points:>15}  {incidence:>9}  {exits:>20}  {azimuth:>7}  {slots:<18}  {clock_text(elapsed_s):>8}" + (
         "  reference" if first.kind == "reference" else ""
     )

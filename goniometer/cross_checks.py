@@ -14,9 +14,10 @@ from acquisition.point_table import NAMES
 from acquisition.recipe import Recipe
 from acquisition.settings_matrix import check_settings
 from acquisition.steps import Slots
+from goniometer.analyzer_rotation import rotation_on_rig
 from goniometer.collision_zones import blocked_ways
 from goniometer.errors import ReductionError
-from goniometer.planning import beginning, plan, slots
+from goniometer.planning import beginning, plan, slots, timing
 from goniometer.rig_devices.entry import PLACING, AnalyzerEntry, Role
 from goniometer.rig_file import Rig
 from goniometer.yaml_file import Fault, KeyPath, YamlFile
@@ -86,7 +87,10 @@ def filter_faults(wavelengths_nm: Sequence[float], file: YamlFile, rig: Rig, rig
 
 def _slot_faults(recipe: Recipe, file: YamlFile, rig: Rig, rig_path: Path) -> Iterator[Fault]:
     contents = set(rig.analyzer.contents().values())
-    faults = list(_setting_faults(recipe.settings(), rig.analyzer, "analyzer", file, rig_path))
+    if recipe.analyzer_rotation is None:
+        faults = list(_setting_faults(recipe.settings(), rig.analyzer, "analyzer", file, rig_path))
+    else:
+        faults = list(rotation_on_rig(recipe, file, rig, rig_path, timing(rig)))
     faults += _generator_faults(recipe, file, rig, rig_path)
     yield from faults
     if recipe.generator_deg is not None and not faults:

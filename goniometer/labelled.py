@@ -65,6 +65,8 @@ _LONG_NAMES = {
     "reading_analyzer_deg": "angle of the analyzer from the s-direction; NaN without a polarizer",
     "reading_retarder_deg": "angle of the fast axis of a retarder before the analyzer; NaN without one",
     "reading_retardance_deg": "retardance of a retarder before the analyzer; NaN without one",
+    "reading_analyzer_sweep_deg": "how far the analyzer turned during the exposure",
+    "reading_retarder_sweep_deg": "how far the retarder before the analyzer turned during the exposure",
     "reading_generator_slot": "slot of the generator",
     "reading_generator_deg": "angle of the generator's polarizer from the s-direction",
     "reading_generator_retarder_deg": "angle of the fast axis of the retarder behind the generator's polarizer",

@@ -21,12 +21,14 @@ from acquisition.lamp_level import LARGEST_CHANGE, SIGNIFICANT, LampBreak
 from acquisition.readings import Reading
 from acquisition.recipe import Recipe
 from acquisition.reduce import NoiseModel, Radiometry, Reduction
+from acquisition.rotation import rotation_timing, with_rotation
 from acquisition.rounds import Rounds
 from acquisition.signal_to_noise import Enough, SignalToNoise, as_planned
 from acquisition.steering import Steering
 from acquisition.timing import AxisTiming, BenchTiming
 from acquisition.wavelengths import expand_wavelengths
 from drivers.clock import Clock
+from goniometer.analyzer_rotation import rotation_of, timing_of
 from goniometer.durations import clock_text
 from goniometer.rig_devices.entry import AnalyzerEntry, AxesEntry, Role
 from goniometer.rig_file import Rig
@@ -39,10 +41,18 @@ def plan(recipe: Recipe, rig: Rig) -> tuple[Step, ...]:
     """
     if recipe.averaging is not None and recipe.averaging.dolp_error is not None:
         recipe = recipe.model_copy(update={"direction_within_s": 0.0})
+    if recipe.analyzer_rotation is not None:  # one turn ends where the next one begins
+        steps = _plan(recipe.model_copy(update={"direction_within_s": 0.0}), rig)
+        return with_rotation(steps, rotation_timing(timing(rig), rotation_of(rig)))
+    return _plan(recipe, rig)
+
+
+def _plan(recipe: Recipe, rig: Rig) -> tuple[Step, ...]:
+    bench_timing = timing_of(recipe, rig, timing(rig))
     if len(recipe.wavelengths_nm()) > 1:
         of_each = {wavelength_nm: slots(rig, wavelength_nm) for wavelength_nm in recipe.wavelengths_nm()}
-        return expand_wavelengths(recipe, of_each, timing(rig))
-    return expand(recipe, slots(rig, recipe.one_wavelength_nm), timing(rig))
+        return expand_wavelengths(recipe, of_each, bench_timing)
+    return expand(recipe, slots(rig, recipe.one_wavelength_nm), bench_timing)
 
 
 def span_s(recipe: Recipe, rig: Rig) -> tuple[float, float]:

@@ -23,6 +23,7 @@ from acquisition.suspend import Judge, suspensions
 from acquisition.time_left import TimeLeft
 from acquisition.watchdog import Watchdog
 from drivers.clock import Clock
+from goniometer.analyzer_rotation import turning
 from goniometer.attended import Attended
 from goniometer.bench import BenchAccess
 from goniometer.errors import JournalError, ScanInterrupted
@@ -68,6 +69,8 @@ def scan(
         What a person should know beside what the devices said.
     """
     recipe, rig, clock, folder = setup.recipe, setup.rig, bench_access.clock, stored.path.parent
+    if recipe.analyzer_rotation is not None:
+        bench = turning(bench, rig)
     with ExitStack() as stack:
         suspended = suspensions(stored.about())
         pipeline = _pipeline(setup, bench_access.scene_text, suspended, subscribers, stack, live_fit=live_fit)

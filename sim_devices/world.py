@@ -24,6 +24,7 @@ from sim_devices.filters import Filters
 from sim_devices.generator import RotatingGenerator
 from sim_devices.past import Past
 from sim_devices.scene import Scene
+from sim_devices.turning import TurningRow
 
 _DIRECTION: tuple[AxisRole, ...] = ("source_arm", "detector_arm", "detector_azimuth")
 """What the light depends on; the last one only where there is one."""
@@ -48,6 +49,8 @@ class World:
         What turns, by its role.
     analyzer : Analyzer
         What stands before the detector.
+    turning : TurningRow or None
+        Averages the row of an analyzer on rotators over an exposure; None for one that has slots.
     generator : RotatingGenerator or None
         What polarizes the lamp's light before the sample.
     acceptance_sr : float
@@ -77,6 +80,7 @@ class World:
         self.axes: dict[str, Axis] = {}
         self.angle_deg: dict[str, AngleOfTime] = {}
         self.analyzer: Analyzer
+        self.turning: TurningRow | None = None
         self.generator: RotatingGenerator | None = None
         self.acceptance_sr: float
         self.filters: Filters | None = None
@@ -109,7 +113,10 @@ class World:
         return self._passed_w(Moment(time_s, 0.0))
 
     def measure_w(self, time_s: float, exposure_s: float) -> float:
-        """One measurement that begins at `time_s`: the power at its middle, through the detector's effects."""
+        """One measurement that begins at `time_s`: the power at its middle, through the detector's effects.
+
+        Only a polarizer or retarder that turns meanwhile is averaged over the exposure.
+        """
         return self.signal_w(self.next_measurement(time_s, exposure_s))
 
     def next_measurement(self, time_s: float, exposure_s: float, lit: float = 1.0) -> Measurement:
@@ -148,7 +155,7 @@ class World:
 
     def _passed_w(self, moment: Moment) -> float:
         """Analyzer row · Stokes; nothing while the wheel turns or its slot holds nothing to look through."""
-        row = self.row(moment.middle_s)
+        row = self.row(moment.middle_s) if self.turning is None else self.turning(self.row, moment)
         return 0.0 if row is None else max(0.0, float(row @ self.arriving_w(moment)))
 
     def _reflected_w(self, moment: Moment) -> Stokes:

@@ -77,6 +77,14 @@ def run_budget(asked: BudgetAsked) -> BudgetReport:
         raise ConfigurationError(
             [f"{asked.recipe}: measures Mueller matrices, and budget foresees the errors of Stokes parameters alone."]
         )
+    if recipe.analyzer_rotation is not None:
+        raise ConfigurationError(
+            [
+                f"{asked.recipe}: its analyzer turns while it is read (analyzer_rotation), and budget foresees slots "
+                "alone. Nothing was predicted. Write analyzer_deg in its place, with a quarter of the readings of all "
+                "turns in each of 0, 45, 90 and 135 degrees: the errors are the same."
+            ]
+        )
     if len(recipe.wavelengths_nm()) > 1:
         listed = ", ".join(f"{wavelength_nm:g}" for wavelength_nm in recipe.wavelengths_nm())
         raise ConfigurationError(

@@ -187,6 +187,9 @@ class AxesEntry(DeviceEntry):
     start_s: ClassVar[float] = 0.03
     """Time of a move that is neither motion nor the settling that the rig file states, for planning."""
 
+    reports_in_motion: ClassVar[bool] = True
+    """Whether it says where its axes are while they move."""
+
     axes: Mapping[Role, AxisEntry]
 
     def with_only(self, roles: Collection[Role]) -> Self:
@@ -238,6 +241,8 @@ class DetectorEntry(DeviceEntry):
     """A detector of optical power that averages whole samples."""
 
     part: ClassVar[str] = "detector"
+    averages_evenly: ClassVar[bool] = True
+    """Whether a reading is the mean of the light over its exposure, which begins at once."""
 
     sample_s: float = Field(gt=0, le=10, description="duration of one sample, in s; a reading averages whole samples")
     noise: NoiseEntry = Field(description="the detector's noise")

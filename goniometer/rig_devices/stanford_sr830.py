@@ -25,6 +25,7 @@ _QUESTIONS_S = 0.05
 class StanfordSr830Entry(DetectorEntry):
     """Stanford Research SR830 (or SR810) lock-in with a photodiode behind a chopper."""
 
+    averages_evenly = False
     driver: Literal["stanford_sr830"] = Field(description="the device's family")
     baudrate: Literal[300, 600, 1200, 2400, 4800, 9600, 19200] = Field(
         default=9600, description="as set in the lock-in; without effect on a socket"

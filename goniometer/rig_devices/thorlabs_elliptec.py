@@ -66,6 +66,7 @@ class ThorlabsElliptecEntry(AxesEntry):
     address: Address = "0"
     axes: dict[Role, ThorlabsElliptecAxis] = Field(min_length=1, max_length=1, description="what it turns, by role")
 
+    reports_in_motion = False
     exchange_s = _EXCHANGE_S
     # besides the pause: whether it is homed before and after, the move's own packets, and its own settling
     start_s = _PAUSE_S + 2 * _EXCHANGE_S + 0.08 + _LOOKS_S

@@ -9,6 +9,7 @@ from pydantic import Field
 from sim_devices.analyzer import RotatingPolarizer
 from sim_devices.axis import AngleOfTime
 from sim_devices.bench_devices.entry import SimulatedDevice
+from sim_devices.turning import TurningRow
 
 if TYPE_CHECKING:
     from sim_devices.world import World
@@ -41,6 +42,7 @@ class RotatingPolarizerDevice(SimulatedDevice):
     def install(self, world: World) -> None:
         """Put polarizer and retarder into the beam."""
         polarizer_deg = where(world, "polarizer", self.polarizer_deg)
+        world.turning = TurningRow([world.axes[role].motor_deg for role in sorted(self.turns())])
         if self.retardance_deg is None:
             world.analyzer = RotatingPolarizer(polarizer_deg)
         else:

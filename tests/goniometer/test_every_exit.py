@@ -21,7 +21,7 @@ from goniometer.run_folder import measured
 
 pytestmark = pytest.mark.usefixtures("no_report")
 ROOT = Path(__file__).resolve().parents[2]
-RIGS = ("iron_60deg", "iron_lock_in", "iron_retarder", "iron_slider", "iron_thorlabs")
+RIGS = ("iron_60deg", "iron_lock_in", "iron_retarder", "iron_rotating", "iron_slider", "iron_thorlabs")
 CODES = {"abort": ABORTED, "SIGINT": 130, "SIGTERM": 143}
 ASKED = ("pause", "skip", *CODES)
 
@@ -72,7 +72,7 @@ def short(tmp_path):
     def of(name, exit_deg=(0, 6)):
         recipe = yaml.safe_load((ROOT / "recipes" / f"{name}.yaml").read_text())
         recipe.pop("exit", None)
-        recipe |= {"exit_deg": list(exit_deg), "readings": 2}
+        recipe |= {"exit_deg": list(exit_deg), "readings": 12 if "analyzer_rotation" in recipe else 2}
         for key in ("rig", "scene"):
             recipe[key] = str((ROOT / "recipes" / recipe[key]).resolve())
         (tmp_path / f"{name}.yaml").write_text(yaml.safe_dump(recipe))
@@ -157,9 +157,10 @@ def all_looks(monkeypatch, recipe, tmp_path):
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="signals of this kind exist on POSIX only")
+@pytest.mark.parametrize("name", ["iron_60deg", "iron_rotating"])
 @pytest.mark.parametrize("asked", ASKED)
-def test_at_every_part_of_a_scan(monkeypatch, tmp_path, short, asked):
-    recipe = short("iron_60deg")
+def test_at_every_part_of_a_scan(monkeypatch, tmp_path, short, asked, name):
+    recipe = short(name)
     looks = all_looks(monkeypatch, recipe, tmp_path)
     assert looks > 100
     offset = ASKED.index(asked)
