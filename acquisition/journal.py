@@ -34,6 +34,7 @@ STOPPED = "stopped"
 """The key of `about` under which stands why a scan has ended before its time."""
 LINK_LOST = "link lost"
 """How the keys of `about` begin under which stand the links that were lost, and taken up again."""
+_SAFE = "PRAGMA synchronous=FULL"
 
 
 @dataclass(frozen=True)
@@ -74,7 +75,7 @@ class Journal:
         try:
             connection = sqlite3.connect(path, isolation_level=None)
             connection.execute("PRAGMA journal_mode=WAL")
-            connection.execute("PRAGMA synchronous=FULL")
+            connection.execute(_SAFE)
             connection.execute("BEGIN")
             for table in CREATE:
                 connection.execute(table)
@@ -145,7 +146,7 @@ class Journal:
                     f"measured can be fitted: goniometer fit {path.parent}"
                 )
             journal._connection.execute("PRAGMA query_only=OFF")
-            journal._connection.execute("PRAGMA synchronous=FULL")
+            journal._connection.execute(_SAFE)
         except BaseException:
             journal.close()
             raise

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import socket
+from contextlib import suppress
 from typing import Protocol
 
 _CHUNK = 4096
@@ -56,6 +57,11 @@ class SocketPort:
             return self._connection.send(data)
         except BlockingIOError:
             return 0
+
+    def hang_up(self) -> None:
+        """Let the client know at once that nothing more will come; the port is still to be closed."""
+        with suppress(OSError):
+            self._connection.shutdown(socket.SHUT_RDWR)
 
     def close(self) -> None:
         """Close the connection."""

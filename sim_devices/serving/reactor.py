@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import threading
 import time
 
@@ -20,6 +21,10 @@ _LOOK_S = 0.001
 # longer than a program that speaks to several devices is silent between two of them
 _PATIENCE_S = 0.25
 
+# how long it waits, in real seconds, for one who has waited on the clock: who does so once does again, and comes late
+# only where the computer has no time for it, which must not change what is measured
+_PATIENCE_WITH_WAITING_S = 10.0
+
 
 class Reactor:
     """Serves its ports in a thread of its own, and in any thread that calls `serve`; only one of them at a time.
@@ -28,7 +33,8 @@ class Reactor:
     ----------
     clock : BenchClock
         Tells when a reply is due. Virtual time goes there as soon as no client has anything more to say; to what a
-        device will say on its own it comes when somebody waits or is answered, or when nobody stirs for a while.
+        device will say on its own it comes when somebody waits or is answered, or when nobody stirs for a while, which
+        is long when somebody has waited.
     """
 
     def __init__(self, clock: BenchClock) -> None:
@@ -38,6 +44,7 @@ class Reactor:
         self._failure: BaseException | None = None
         self._is_stopping = False
         self._stirred_s = time.monotonic()
+        self._waited_s = -math.inf
         self._thread = threading.Thread(target=self._run, name="simulated bench", daemon=True)
         self._waker = Waker(self._thread)
         self._clients = Clients(self._hear, self._agenda.forget, self._waker)
@@ -103,7 +110,7 @@ class Reactor:
             self.raise_failure()
             if self._is_stopping:
                 return
-            self._stirred_s = time.monotonic()
+            self._stirred_s = self._waited_s = time.monotonic()
             try:
                 self._serve()
             except BaseException as failure:
@@ -146,7 +153,8 @@ class Reactor:
                 self._clients.close()
 
     def _go_on_when_all_wait(self) -> None:
-        if (due_s := self._agenda.next_told_s) is None or time.monotonic() < self._stirred_s + _PATIENCE_S:
+        wait_s = max(self._stirred_s + _PATIENCE_S, self._waited_s + _PATIENCE_WITH_WAITING_S)
+        if (due_s := self._agenda.next_told_s) is None or time.monotonic() < wait_s:
             return
         self._stirred_s = time.monotonic()
         self._clock.reach(due_s)

@@ -50,7 +50,9 @@ class ServedLink:
         """Lose all bytes that are on their way to it, and its connection too, if it has one, when that hangs up."""
         self.scheduled_bytes = 0
         self.unsent.clear()
-        self.has_ended |= hangs_up and isinstance(self.port, SocketPort)
+        if hangs_up and isinstance(self.port, SocketPort):
+            self.has_ended = True
+            self.port.hang_up()
 
     def take(self, said: bytes, *, is_reply: bool) -> None:
         """Take what is to be sent; what was not asked for is lost on a client that does not read."""

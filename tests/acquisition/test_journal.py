@@ -222,7 +222,8 @@ def test_a_run_can_be_read_while_it_is_written(tmp_path):
         journal.append(reading(1))
 
 
-def test_full_durability_is_on(tmp_path):
+def test_full_durability_is_on(tmp_path, monkeypatch, safe):
+    monkeypatch.setattr("acquisition.journal._SAFE", safe)
     with Journal.create(tmp_path / "j", ABOUT) as journal:
         assert journal._connection.execute("PRAGMA synchronous").fetchone() == (2,)
         assert journal._connection.execute("PRAGMA journal_mode").fetchone() == ("wal",)

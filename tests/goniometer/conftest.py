@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import copy
+from contextlib import contextmanager
 
 import pytest
 import yaml
 
 from acquisition.timing import POLL_S, READING_POLL_S
+from goniometer import run_results
 from goniometer.assembly import connected
 from goniometer.bench import served_ports, simulate
 from goniometer.load_files import load_scene
@@ -143,9 +145,23 @@ def open_room(load):
         bench.__exit__(None, None, None)
 
 
-@pytest.fixture(scope="module")
-def no_report():
-    """Leaves out the picture of a run, which takes as long as its scan."""
+@pytest.fixture(scope="session")
+def drawing():
+    """With this, a run is drawn as it is by default."""
+    draw_all = run_results._draw_all
+
+    @contextmanager
+    def drawn():
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(run_results, "_draw_all", draw_all)
+            yield
+
+    return drawn
+
+
+@pytest.fixture(scope="module", autouse=True)
+def no_report(drawing):
+    """Leaves out the picture of a run, which takes as long as its scan, unless `drawing`."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("goniometer.run_results.draw", lambda path, run: None)
+        patch.setattr(run_results, "_draw_all", lambda path, run: [])
         yield

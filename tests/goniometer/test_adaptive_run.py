@@ -134,14 +134,21 @@ def test_an_adaptive_scan_tells_what_it_chooses_and_why(tmp_path):
     assert stored.fit.parameters["n"].stderr <= 0.03
 
 
-def test_same_seed_same_decisions_readings_and_time_stamps(tmp_path):
-    first, second = (run(tmp_path, adaptive=True, until={"n": 0.05})[0] for _ in range(2))
+@pytest.fixture(scope="module")
+def steered(tmp_path_factory):
+    """An adaptive run until the index is known within 0.05, and its events."""
+    return run(tmp_path_factory.mktemp("steered"), adaptive=True, until={"n": 0.05})
+
+
+def test_same_seed_same_decisions_readings_and_time_stamps(steered, tmp_path):
+    (first, _), (second, _) = steered, run(tmp_path, adaptive=True, until={"n": 0.05})
     assert first.readings == second.readings
     assert first.folder != second.folder
 
 
-def test_an_adaptive_run_reads_back_with_directions_in_any_order_and_measured_twice(tmp_path):
-    stored, _ = run(tmp_path, adaptive=True, time_limit_s=120.0)
+def test_an_adaptive_run_reads_back_with_directions_in_any_order_and_measured_twice(tmp_path, drawing):
+    with drawing():
+        stored, _ = run(tmp_path, adaptive=True, time_limit_s=120.0)
     visited = exits_deg(stored)
     assert len(set(visited)) < len(visited)
     assert visited != sorted(visited)
@@ -198,8 +205,8 @@ def test_a_person_at_the_console_sees_choices_and_the_reason_of_the_end(tmp_path
     assert "Reason: wanted standard errors reached: n 0.0" in done.stdout
 
 
-def test_the_live_view_shows_choices_and_what_is_still_wanted(tmp_path):
-    _, events = run(tmp_path, adaptive=True, until={"n": 0.05})
+def test_the_live_view_shows_choices_and_what_is_still_wanted(steered):
+    _, events = steered
     live = LiveConsole(LastingStream(io.StringIO()), now_s=lambda: 0.0)
     for event in events[:-2]:
         live(event)

@@ -22,7 +22,6 @@ from goniometer.load_files import load_recipe
 from goniometer.planning import detection, span_s
 from goniometer.run_folder import measured
 
-pytestmark = pytest.mark.usefixtures("no_report")
 ROOT = Path(__file__).resolve().parents[2]
 TO_RATIO = {"at_least": 2, "at_most": 60, "signal_to_noise": 200}
 TO_ERROR = {"at_least": 2, "at_most": 60, "dolp_error": 0.005}

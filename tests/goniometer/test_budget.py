@@ -1,14 +1,13 @@
 """Precision before the scan: what is predicted is what comes of it."""
 
 import json
-import subprocess
-import sys
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 import yaml
+from click.testing import CliRunner
 from numpy.testing import assert_allclose
 
 import goniometer
@@ -16,6 +15,7 @@ from acquisition.fit_points import dataset, fit_arguments, surface_family
 from acquisition.readings import Reading
 from acquisition.recipe import MAX_READINGS, Recipe
 from acquisition.timing import READING_S
+from goniometer import cli
 from goniometer.budget.assumed_sample import assumed_sample
 from goniometer.budget.budget import Budget, Outcome, budget
 from goniometer.budget.command import BudgetAsked, run_budget
@@ -443,9 +443,7 @@ def test_a_designed_recipe_is_checked_and_run_like_any_other(tmp_path):
     assert "sigma = 0.1764, n = 2.95" in text
     for comment in ("# often enough", "# a metal: n and k are both unknown", "# Iron at 60 degrees"):
         assert comment in text
-    checked = subprocess.run(
-        [sys.executable, "-m", "goniometer", "check", str(design)], capture_output=True, text=True, check=True
-    )
+    checked = CliRunner().invoke(cli.cli, ["check", str(design)], catch_exceptions=False)
     assert f"{report.data['design']['readings']} readings, 0:40" in checked.stdout
     stored = goniometer.run(design, out=tmp_path / "runs", speed="max")
     assert_allclose(stored.fit.parameters["n"].stderr, report.data["design"]["stderr"]["n"], rtol=0.05)
@@ -527,22 +525,27 @@ def test_a_picture_is_drawn(tmp_path):
         ask(recipe, plot=tmp_path / "nowhere" / "b.png")
 
 
-def call(*arguments):
-    return subprocess.run(
-        [sys.executable, "-m", "goniometer", "budget", *map(str, arguments)],
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+@pytest.fixture
+def call(monkeypatch, capsys):
+    """Run `goniometer budget` with arguments; gives its exit code and what it printed."""
+
+    def called(*arguments):
+        monkeypatch.setattr("sys.argv", ["goniometer", "budget", *map(str, arguments)])
+        with pytest.raises(SystemExit) as ended:
+            cli.main()
+        printed = capsys.readouterr()
+        return ended.value.code or 0, printed.out, printed.err
+
+    return called
 
 
-def test_the_command_line_prints_tables_or_json(tmp_path):
+def test_the_command_line_prints_tables_or_json(call, tmp_path):
     recipe = write_variant(tmp_path, **SHORT)
-    plain, as_json = call(recipe, "--for", "n"), call(recipe, "--for", "n", "--json")
-    assert (plain.returncode, as_json.returncode) == (0, 0)
-    assert "n: the cheapest change is " in plain.stdout
-    data = json.loads(as_json.stdout)
-    assert data["cheapest"]["n"] in plain.stdout
+    (code, plain, _), (code_too, as_json, _) = call(recipe, "--for", "n"), call(recipe, "--for", "n", "--json")
+    assert (code, code_too) == (0, 0)
+    assert "n: the cheapest change is " in plain
+    data = json.loads(as_json)
+    assert data["cheapest"]["n"] in plain
     assert set(data["stderr"]) == {"sigma", "n", "k", "rho_s", "rho_d", "rho_dd"}
 
 
@@ -555,8 +558,8 @@ def test_the_command_line_prints_tables_or_json(tmp_path):
         (["--design", "x.yaml", "--time", "0"], "0"),
     ],
 )
-def test_a_command_line_that_makes_no_sense_is_refused(options, message):
-    called = call(IRON, *options)
-    assert called.returncode == 2
-    assert message in called.stderr
-    assert called.stdout == ""
+def test_a_command_line_that_makes_no_sense_is_refused(options, message, call):
+    code, printed, told = call(IRON, *options)
+    assert code == 2
+    assert message in told
+    assert printed == ""

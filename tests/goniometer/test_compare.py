@@ -48,14 +48,16 @@ def command(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str])
     return call
 
 
-def a_table(path: Path, *, errors: bool = True, incidences_deg: tuple[float, ...] = (60.0,)) -> Path:
+def a_table(
+    path: Path, *, errors: bool = True, incidences_deg: tuple[float, ...] = (60.0,), step_deg: float = 4.0
+) -> Path:
     """Stokes parameters of a Hyde surface, with noise."""
     rng = np.random.default_rng(0)
     lines = ["incidence_deg,exit_deg,s0_per_sr,s1_per_sr,s2_per_sr"]
     if errors:
         lines[0] += ",s0_stderr_per_sr,s1_stderr_per_sr,s2_stderr_per_sr"
     for incidence_deg in incidences_deg:
-        exit_deg = np.arange(-40.0, 81.0, 4.0)
+        exit_deg = np.arange(-40.0, 81.0, step_deg)
         exit_rad, azimuth_rad = in_plane(np.radians(exit_deg))
         stokes = Hyde(0.8, 0.2, 0.3, 1.6).stokes(np.radians(incidence_deg), exit_rad, azimuth_rad)[:, :3]
         stokes += 1e-3 * rng.standard_normal(stokes.shape)
@@ -176,7 +178,7 @@ def test_json_holds_what_the_table_says_and_the_fits(tmp_path: Path, command: Co
 
 
 def test_the_objective_of_the_command_line_counts(tmp_path: Path) -> None:
-    found = compare_models(a_table(tmp_path / "table.csv"), objective="rms")
+    found = compare_models(a_table(tmp_path / "table.csv", step_deg=10.0), objective="rms")
     assert found.models[0].fit.columns == ("dolp",)
     assert_allclose(found.models[0].fit.rms, found.models[0].dolp_rms, rtol=1e-9)
     assert "Compared is the degree of linear polarization, with equal weights." in compare_text(found)

@@ -29,7 +29,6 @@ from acquisition.time_left import TimeLeft
 from goniometer.errors import LimitError, PositionError
 from goniometer.run_folder import measured
 
-pytestmark = pytest.mark.usefixtures("no_report")
 ROOT = Path(__file__).resolve().parents[2]
 
 

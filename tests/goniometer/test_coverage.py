@@ -8,7 +8,6 @@ import yaml
 
 import goniometer
 
-pytestmark = pytest.mark.usefixtures("no_report")
 ROOT = Path(__file__).resolve().parents[2]
 NORMAL_95 = 1.959964
 LOW, HIGH = 0.90, 0.99

@@ -45,15 +45,22 @@ def shown_readings(lines):
     return [event for event in map(json.loads, lines) if event["event"] == "ReadingStored"]
 
 
-def run_until(out, readings, *options):
+def run_until(out, readings, *options, recipe=RECIPE):
     """Start a scan and return it, with what it has shown, once it has shown a number of readings."""
-    process = goniometer("run", RECIPE, "--json", "--out", out, *options)
+    process = goniometer("run", recipe, "--json", "--out", out, *options)
     lines = []
     for line in process.stdout:
         lines.append(line)
         if len(shown_readings([line])) and len(shown_readings(lines)) >= readings:
             break
     return process, lines
+
+
+def short_recipe(folder, step_deg):
+    """The recipe in fewer directions."""
+    path, text = folder / "short.yaml", RECIPE.read_text().replace("../", f"{ROOT.as_posix()}/")
+    path.write_text(text.replace("step_deg: 1", f"step_deg: {step_deg}"))
+    return path
 
 
 def stored_readings(out):
@@ -130,7 +137,10 @@ def test_kill_9_at_a_hundred_moments(tmp_path, seed):
 
 def kill_at_any_moment(tmp_path, seed):
     rng = random.Random(seed)
-    process, lines = run_until(tmp_path, rng.randrange(460, 800), "--speed", "max")
+    recipe, out = short_recipe(tmp_path, 2), tmp_path / "runs"
+    with recipe.open("a") as file:
+        file.write("direction_within_s: 30\n")  # so that several sweeps have ended
+    process, lines = run_until(out, rng.randrange(230, 400), "--speed", "max", recipe=recipe)
     with ended_afterwards(process):
         deadline = time.monotonic() + rng.uniform(0.0, 0.01)
         while time.monotonic() < deadline:
@@ -138,7 +148,7 @@ def kill_at_any_moment(tmp_path, seed):
         process.send_signal(signal.SIGKILL)
         rest = process.stdout.read()  # communicate() would lose what the lines above were read with
     shown = shown_readings([*lines, *(line for line in rest.splitlines() if line.endswith("}"))])
-    folder, readings = stored_readings(tmp_path)
+    folder, readings = stored_readings(out)
     assert len(shown) <= len(readings) <= len(shown) + 1
     for event, reading in zip(shown, readings, strict=False):
         assert event["reading"]["power_w"] == reading.power_w
@@ -158,9 +168,7 @@ def test_a_bench_served_by_another_process_gives_the_same_result(tmp_path):
         while "bench:" not in text:
             text += serving.stdout.readline()
         rig.write_text(text)
-        short = tmp_path / "short.yaml"
-        recipe = RECIPE.read_text().replace("../", f"{ROOT.as_posix()}/").replace("step_deg: 1", "step_deg: 10")
-        short.write_text(recipe)
+        short = short_recipe(tmp_path, 10)
         for folder, options in (("there", ["--rig", rig]), ("here", ["--speed", "max"])):
             with ended_afterwards(goniometer("run", short, "--quiet", "--out", tmp_path / folder, *options)) as scan:
                 _, errors = scan.communicate(timeout=60)
@@ -180,8 +188,7 @@ def test_a_signal_that_was_ignored_at_the_start_stays_ignored(tmp_path):
         "-c",
         "import signal; signal.signal(signal.SIGHUP, signal.SIG_IGN); import goniometer.cli; goniometer.cli.main()",
     ]
-    short = tmp_path / "short.yaml"
-    short.write_text(RECIPE.read_text().replace("../", f"{ROOT.as_posix()}/").replace("step_deg: 1", "step_deg: 20"))
+    short = short_recipe(tmp_path, 20)
     arguments = ["run", str(short), "--json", "--speed", "40", "--out", str(tmp_path / "runs")]
     process = subprocess.Popen([*command, *arguments], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     with ended_afterwards(process):
@@ -202,8 +209,7 @@ def test_a_run_without_a_finished_direction_says_so(tmp_path):
 
 
 def test_a_program_without_a_standard_output_scans_all_the_same(tmp_path):
-    short = tmp_path / "short.yaml"
-    short.write_text(RECIPE.read_text().replace("../", f"{ROOT.as_posix()}/").replace("step_deg: 1", "step_deg: 20"))
+    short = short_recipe(tmp_path, 20)
     arguments = ["run", str(short), "--speed", "max", "--out", str(tmp_path / "runs")]
     code = f"import sys; sys.stdout = None; sys.argv[1:] = {arguments!r}"
     command = [sys.executable, "-c", f"{code}; import goniometer.cli; goniometer.cli.main()"]

@@ -19,7 +19,6 @@ from goniometer.load_files import load_recipe
 from goniometer.planning import plan
 from goniometer.run_folder import measured
 
-pytestmark = pytest.mark.usefixtures("no_report")
 ROOT = Path(__file__).resolve().parents[2]
 RIGS = ("iron_60deg", "iron_lock_in", "iron_retarder", "iron_rotating", "iron_slider", "iron_thorlabs")
 CODES = {"abort": ABORTED, "SIGINT": 130, "SIGTERM": 143}

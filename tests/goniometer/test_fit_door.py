@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Sequence
+from contextlib import AbstractContextManager
 from pathlib import Path
 
 import h5py
@@ -27,8 +28,9 @@ Command = Callable[..., tuple[int, str, str]]
 
 
 @pytest.fixture(scope="module")
-def run(tmp_path_factory: pytest.TempPathFactory) -> StoredRun:
-    return goniometer.run(RECIPE, out=tmp_path_factory.mktemp("runs"), speed="max", live_fit=False)
+def run(tmp_path_factory: pytest.TempPathFactory, drawing: Callable[[], AbstractContextManager[None]]) -> StoredRun:
+    with drawing():
+        return goniometer.run(RECIPE, out=tmp_path_factory.mktemp("runs"), speed="max", live_fit=False)
 
 
 @pytest.fixture

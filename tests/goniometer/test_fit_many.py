@@ -39,6 +39,8 @@ fit:
   free: {sigma: [0.02, 1.0], n: [1.0, 6.0], k: [0.0, 8.0], exit_offset_deg: [-0.5, 0.5]}
 """
 EXIT_DEG = np.arange(0.0, 61.0, 2.0)
+INPUTS = 40
+"""Of a run that is ended: so many that it cannot be done before."""
 
 Command = Callable[..., tuple[int, str, str]]
 
@@ -462,7 +464,7 @@ def test_an_input_that_kills_its_process_harms_no_other(monkeypatch: pytest.Monk
 @pytest.mark.skipif(not hasattr(os, "pidfd_open"), reason="waits for processes by their descriptors, as Linux has them")
 @pytest.mark.parametrize("name", ["SIGINT", "SIGKILL"])
 def test_a_run_that_was_ended_is_gone_on_with(name: str, recipe: Path, tmp_path: Path) -> None:
-    paths = [tmp_path / f"scan{number:03}.csv" for number in range(150)]
+    paths = [tmp_path / f"scan{number:03}.csv" for number in range(INPUTS)]
     write_scan(paths[0], 1)
     for path in paths[1:]:
         path.write_bytes(paths[0].read_bytes())
@@ -482,13 +484,13 @@ def test_a_run_that_was_ended_is_gone_on_with(name: str, recipe: Path, tmp_path:
         os.close(worker)
     assert not out.exists()
     stored = kept.read_bytes().count(b"\n")
-    assert 3 <= stored < 150
+    assert 3 <= stored < INPUTS
     if name == "SIGINT":
         assert process.returncode == 130
         assert "Traceback" not in told
-        assert f"{stored} of 150 inputs are done, and stored in {kept}. Go on with --resume." in told
+        assert f"{stored} of {INPUTS} inputs are done, and stored in {kept}. Go on with --resume." in told
     subprocess.run([*arguments, "--resume"], check=True, cwd=ROOT, capture_output=True)
-    assert kept.read_bytes().count(b"\n") == 150
+    assert kept.read_bytes().count(b"\n") == INPUTS
     rows = table(out)
     assert [row["path"] for row in rows] == list(map(str, paths))
     assert {row["n"] for row in rows} == {rows[0]["n"]}

@@ -11,7 +11,6 @@ from acquisition.events import ScanDoubted, ScanEnded
 from goniometer.errors import ReductionError
 from goniometer.run_folder import measured
 
-pytestmark = pytest.mark.usefixtures("no_report")
 ROOT = Path(__file__).resolve().parents[2]
 SHORT = {"exit": {"start_deg": 0.0, "stop_deg": 60.0, "step_deg": 6.0}, "readings": 2}
 WATCHED = SHORT | {"reference": {"exit_deg": 45.0, "every_points": 4}}

@@ -111,10 +111,11 @@ def require_within_noise(points, lobes=LOBES):
 
 
 @pytest.fixture(scope="module")
-def run(tmp_path_factory):
+def run(tmp_path_factory, drawing):
     files = Files()
     files.recipe["fit"] = yaml.safe_load((ROOT / FILES[0]).read_text(encoding="utf-8"))["fit"]
-    return files.run(tmp_path_factory.mktemp("mueller"))
+    with drawing():
+        return files.run(tmp_path_factory.mktemp("mueller"))
 
 
 def test_all_sixteen_elements_are_those_of_the_sample_within_their_errors(run):

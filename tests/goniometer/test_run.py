@@ -98,8 +98,9 @@ def test_a_shown_reading_is_on_disk(tmp_path):
     )
 
 
-def test_the_files_of_a_run_are_there_and_say_the_same(tmp_path):
-    stored = goniometer.run(write_variant(tmp_path, recipe_changes=SHORT), out=tmp_path / "runs", speed="max")
+def test_the_files_of_a_run_are_there_and_say_the_same(tmp_path, drawing):
+    with drawing():
+        stored = goniometer.run(write_variant(tmp_path, recipe_changes=SHORT), out=tmp_path / "runs", speed="max")
     written = json.loads((stored.folder / "fit.json").read_text())
     for name, estimate in stored.fit.parameters.items():
         assert written["parameters"][name]["value"] == estimate.value

@@ -13,7 +13,6 @@ from acquisition.suspend import SuspendedTooLongError, suspensions
 from goniometer.errors import SaturatedError
 from goniometer.run_folder import measured
 
-pytestmark = pytest.mark.usefixtures("no_report")
 ROOT = Path(__file__).resolve().parents[2]
 SHORT = {"exit": {"start_deg": 0.0, "stop_deg": 54.0, "step_deg": 6.0}, "readings": 2}
 WATCHED = SHORT | {"reference": {"exit_deg": 45.0, "every_points": 2}}

@@ -67,17 +67,18 @@ def iron(tmp_path_factory):
 
 
 @pytest.fixture(scope="module")
-def short(tmp_path_factory):
+def short(tmp_path_factory, drawing):
     """A short run without references, its bytes and its events; the sample's n and k are the same everywhere."""
     folder, events = tmp_path_factory.mktemp("short"), []
     grey = {"material": None, "index": {"n": 2.95, "k": 2.932}}
-    stored = run(
-        recipe_with(folder, scene_with(folder, sample=grey)),
-        out=folder,
-        speed="max",
-        trace=True,
-        subscribers=[events.append],
-    )
+    with drawing():
+        stored = run(
+            recipe_with(folder, scene_with(folder, sample=grey)),
+            out=folder,
+            speed="max",
+            trace=True,
+            subscribers=[events.append],
+        )
     return stored, events
 
 

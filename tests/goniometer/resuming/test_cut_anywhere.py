@@ -38,13 +38,15 @@ def test_after_any_reading(part, whole, cut, rows):
 
 
 @pytest.mark.usefixtures("no_results")
-def test_after_any_reading_of_directions_that_are_swept_together(recipe, tmp_path, cut, rows):
+@pytest.mark.parametrize("every", [3, pytest.param(1, marks=pytest.mark.long)])
+def test_after_any_reading_of_directions_that_are_swept_together(every, recipe, tmp_path, cut, rows):
+    """Three and the ten readings of a slot's sweep have no divisor in common: every place in a sweep is hit."""
     path = recipe(step_deg=1, stop_deg=4, reference="")
     setup = load_recipe(path)
     steps = plan(setup.recipe, setup.rig)
     assert [step.point for step in steps[:10]] == [0, 1, 2, 3, 4, 4, 3, 2, 1, 0]
     run = goniometer.run(path, speed="max", out=tmp_path / "runs", live_fit=False).folder
-    for readings in range(50):
+    for readings in range(0, 50, every):
         folder = cut(run, readings, str(readings))
         resume(folder, speed="max", live_fit=False)
         assert rows(folder) == rows(run), f"cut after {readings} readings"

@@ -79,10 +79,10 @@ def no_results(monkeypatch):
 @pytest.mark.usefixtures("no_results")
 @pytest.mark.parametrize("part", range(3))
 def test_at_many_looks(part, at_look):
-    """Every 37th, from different beginnings; a move, a reading, an exchange are all hit many times."""
-    looks = 12 * part + 1
+    """Every 61st, from different beginnings; a move, a reading, an exchange are all hit many times."""
+    looks = 20 * part + 1
     while at_look(looks):
-        looks += 37
+        looks += 61
     assert looks > 400
 
 

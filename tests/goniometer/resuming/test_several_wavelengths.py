@@ -58,10 +58,11 @@ def test_after_any_reading(part, whole, cut, rows):
         assert rows(folder) == expected, f"cut after {readings} readings"
 
 
-def test_every_result_is_the_same(whole, cut, assert_same_results):
+def test_every_result_is_the_same(whole, cut, assert_same_results, drawing):
     """Cut in the second wavelength: the first one's points are there, and its fit, and its picture."""
     folder, events = cut(whole, READINGS // 2 + 5), []
-    resumed = resume(folder, speed="max", live_fit=False, subscribers=[events.append])
+    with drawing():
+        resumed = resume(folder, speed="max", live_fit=False, subscribers=[events.append])
     assert_same_results(folder, whole)
     assert [one.recipe.one_wavelength_nm for one in resumed.run.spectrum] == [580.0, 525.0]
     changes = [event.wavelength_nm for event in events if isinstance(event, WavelengthChanged)]
