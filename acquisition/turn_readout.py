@@ -7,21 +7,21 @@ its way, and only then are the readings stored. A turn that is broken off is beg
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from acquisition.even_turn import EvenTurn
 from acquisition.orders import Orders
 from acquisition.placement import Astray, Placement
-from acquisition.protocols import HomingAxis, TakesExposures
+from acquisition.protocols import TakesExposures
 from acquisition.readings import Reading
 from acquisition.readout import reading_of
 from acquisition.rotation import BACKWARDS, FEWEST_READINGS, FORWARDS, STEADY_S, Rotation
 from acquisition.steps import Step, Target
 from acquisition.stopping import require_rest
 from acquisition.timing import DUE_POLL_S, READING_POLL_S
+from acquisition.turn import Turn
 from drivers.clock import Clock
-from goniometer.errors import DeviceError, LimitError, PositionError
+from goniometer.errors import DeviceError, LimitError
 
 if TYPE_CHECKING:
     from acquisition.engine import Bench
@@ -109,7 +109,7 @@ class TurnReadout:
         step = self._told(step)
         self._told_s = None  # unless all goes well
         self._placement.send_analyzer(BACKWARDS if slot == FORWARDS else FORWARDS)
-        turn = _Turn(step, rotation, axis, self._clock.now() + rotation.begin_s)
+        turn = Turn(step, rotation, axis, self._clock.now() + rotation.begin_s)
         turn.angles_deg = self._placement.read_back(anew=True)  # while the analyzer gathers speed
         wanted, leaves, failure = step.readings - self._there, False, None
         self._wait(max(turn.begins_s - _LATE_S - self._clock.now(), 0.0))
@@ -147,7 +147,7 @@ class TurnReadout:
             self._end_reading()
         return step
 
-    def _expose(self, turn: _Turn, *, is_last: bool) -> bool:
+    def _expose(self, turn: Turn, *, is_last: bool) -> bool:
         """Take a reading until it has its light; False when it would outlast the turn."""
         begun_s, exposure_s = self._clock.now(), turn.step.exposure_s
         if begun_s + exposure_s > turn.begins_s + turn.rotation.turn_s + _LATE_S:
@@ -163,7 +163,7 @@ class TurnReadout:
         turn.begun_s = begun_s
         return True
 
-    def _confirm(self, turn: _Turn) -> None:
+    def _confirm(self, turn: Turn) -> None:
         """Finish a reading; one that the detector had to take again was taken at another angle, and is left out."""
         is_again, detector = False, self._bench.detector
         while detector.is_reading():
@@ -205,77 +205,6 @@ class TurnReadout:
         detector = self._bench.detector
         while detector.is_exposing() or detector.is_reading():
             self._wait(READING_POLL_S)
-
-
-class _Turn:
-    """What is known of a turn so far."""
-
-    def __init__(self, step: Step, rotation: Rotation, axis: HomingAxis, begins_s: float) -> None:
-        self.step, self.rotation, self.begins_s = step, rotation, begins_s
-        self.angles_deg: tuple[float, ...] = ()
-        self.taken: list[Reading] = []
-        self.begun_s = 0.0
-        self._axis, self._way = axis, EvenTurn()
-
-    def look(self, clock: Clock) -> None:
-        """Ask the analyzer where it is."""
-        asked_s = clock.now()
-        position_deg = self._axis.position_deg()
-        self._way.add(asked_s, position_deg, clock.now())
-
-    def middle_s(self, reading: Reading) -> float:
-        """The middle of a reading since the turn has begun."""
-        return reading.time_s + reading.exposure_s / 2 - self.begins_s
-
-    def at_angle(self, reading: Reading, angle_deg: float, sweep_deg: float) -> Reading:
-        """The reading with the analyzer's state in it."""
-        state = self.rotation.state(angle_deg, sweep_deg)
-        return replace(
-            reading,
-            analyzer_deg=state.polarizer_deg,
-            retarder_deg=state.retarder_deg,
-            retardance_deg=state.retardance_deg,
-            analyzer_sweep_deg=state.polarizer_sweep_deg or None,
-            retarder_sweep_deg=state.retarder_sweep_deg or None,
-        )
-
-    def require_begun(self, readings: int) -> None:
-        """See that it was over only behind a reading; raises PositionError when the program came too late for any."""
-        if readings:
-            return
-        raise PositionError(
-            self._axis.name,
-            "its turn was over before a reading of it could be taken: this program was held up",
-            not_done="nothing of the turn was stored",
-            to_do="see that nothing else keeps this computer busy, let the rotator turn more slowly (velocity_deg_s), "
-            "or simulate at a smaller --speed; then go on",
-        )
-
-    def require_even(self) -> None:
-        """See that the analyzer turned evenly; raises PositionError, or what the device itself says is wrong."""
-        fault = self._way.fault(self._axis.tolerance_deg, self.rotation.axis.velocity_deg_s)
-        if not fault:
-            return
-        self._axis.is_moving()  # which says what has stopped it
-        raise PositionError(
-            self._axis.name,
-            fault,
-            not_done="the readings of this turn were not stored",
-            to_do="look whether something brakes the rotator, and whether velocity_deg_s and acceleration_deg_s2 in "
-            "the rig file are what it truly does, then run the recipe again",
-        )
-
-    def readings(self) -> list[Reading]:
-        """The readings, with where the analyzer was in them by all that it has said."""
-        speed_deg_s = self._way.speed_deg_s
-        return [
-            self.at_angle(
-                reading,
-                self._way.angle_deg(reading.time_s + reading.exposure_s / 2),
-                speed_deg_s * reading.exposure_s,
-            )
-            for reading in self.taken
-        ]
 
 
 @dataclass(frozen=True)
