@@ -162,13 +162,16 @@ class JointTiming:
 
 @dataclass(frozen=True)
 class DetectorTiming:
-    """A detector that needs `overhead_s` for each reading, besides its exposure."""
+    """A detector that needs `overhead_s` for each reading, besides its exposure; more if that is a single sample."""
 
     overhead_s: float = READING_S
+    sample_s: float = 0.0
+    single_s: float = 0.0
 
     def reading_s(self, exposure_s: float) -> float:
         """Duration of a reading."""
-        return exposure_s + self.overhead_s
+        is_single = exposure_s < 1.5 * self.sample_s
+        return exposure_s + self.overhead_s + (self.single_s if is_single else 0.0)
 
 
 @dataclass(frozen=True)

@@ -6,9 +6,13 @@ from typing import Literal
 
 from pydantic import Field
 
+from acquisition.timing import DetectorTiming
 from drivers.thorlabs_pm100.meter import ThorlabsPm100
 from goniometer.rig_devices.connecting import Connecting
 from goniometer.rig_devices.entry import DetectorEntry
+
+_EXCHANGE_S = 0.002
+"""A question and its answer, over USB."""
 
 
 class ThorlabsPm100Entry(DetectorEntry):
@@ -29,6 +33,11 @@ class ThorlabsPm100Entry(DetectorEntry):
     def most_samples(self) -> int:
         """Samples that the meter averages at most."""
         return 3000
+
+    @property
+    def timing(self) -> DetectorTiming:
+        """Behind a single sample the meter is also asked for its wavelength: a meter that was reset averages none."""
+        return DetectorTiming(sample_s=self.sample_s, single_s=_EXCHANGE_S)
 
     def connect(self, name: str, bench: Connecting) -> None:
         """Connect the meter and tell it the wavelength."""
