@@ -7,7 +7,7 @@ docs/decisions/journal.md says why.
 from __future__ import annotations
 
 import sqlite3
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import astuple, dataclass
 from pathlib import Path
 from types import TracebackType
@@ -239,15 +239,13 @@ class Journal:
         """Recipe, rig and scene texts, versions, seed."""
         return dict(self._rows("SELECT key, value FROM about"))
 
-    def _rows(self, query: str) -> list[tuple[Any, ...]]:
-        """The rows that a query finds, those before the damage if there is any."""
-        rows: list[tuple[Any, ...]] = []
+    def _rows(self, query: str) -> Iterator[tuple[Any, ...]]:
+        """The rows that a query finds, those before the damage if there is any; one at a time, for there are many."""
         try:
-            rows.extend(self._connection.execute(query))
+            yield from self._connection.execute(query)
         except sqlite3.Error as error:
             if not self.damage:
                 raise JournalError(f"{self.path} cannot be read: {error}.") from error
-        return rows
 
     def close(self) -> None:
         """Close the file; SQLite folds its write-ahead log in."""

@@ -48,7 +48,8 @@ class TimeLeft:
     ) -> None:
         self._readings, self._held_s, self.reading_s = readings, 0.0, reading_s
         self._clock, self._duration_s, self._is_limit = clock, duration_s, is_limit
-        self._trusted_s = _TRUSTED_OF_LONGEST_S if is_longest else min(_TRUSTED_S, _TRUSTED_SHARE * duration_s)
+        trusted_s = _TRUSTED_OF_LONGEST_S if is_longest else min(_TRUSTED_S, _TRUSTED_SHARE * duration_s)
+        self._trusted_s = trusted_s or _TRUSTED_S  # a plan of no duration is no measure
         self._begun_s: float | None = None
         self._done_s = 0.0
 

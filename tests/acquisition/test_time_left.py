@@ -68,3 +68,7 @@ def test_what_is_left_out_is_not_left_and_another_exposure_is():
     assert_allclose(left.left_s(), 80.0)
     left.exposure_changed(1.0, 2.0, 10, 0)
     assert_allclose(left.left_s(), 80.0 + (40 - 10 - 10) * 1.0)
+
+
+def test_a_plan_of_no_duration_leaves_nothing_at_its_beginning():
+    assert TimeLeft(Clock(), 0.0).left_s() == 0.0
