@@ -14,7 +14,7 @@ from acquisition.protocols import Analyzer, RotaryAxis
 from acquisition.selector import Selector
 from acquisition.timing import DUE_POLL_S, FRESH_S, POLL_S
 from drivers.clock import Clock
-from goniometer.errors import PositionError
+from goniometer.errors import DeviceError, PositionError
 
 if TYPE_CHECKING:
     from acquisition.engine import Bench
@@ -92,6 +92,15 @@ class Placement:
         self._at = self._seen_deg = None
         self._way = _Way(target, targets_deg, deque(self._bench.order(here_deg, targets_deg)))
         self._go_on(self._way)
+
+    def departure(self, target: Target) -> DeviceError | None:
+        """Depart unless the scan is to end; returns what went wrong, for readings with their light are stored first."""
+        self._wait(0.0)  # nothing is set in motion that was to be stopped
+        try:
+            self.depart(target)
+        except DeviceError as failure:
+            return failure
+        return None
 
     def arrive(self, target: Target) -> None:
         """Bring the bench to a target and let it settle, unless it has arrived there and did not leave.

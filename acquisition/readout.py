@@ -16,7 +16,6 @@ from acquisition.readings import Reading
 from acquisition.signal_to_noise import Enough, as_planned
 from acquisition.timing import DUE_POLL_S, READING_POLL_S
 from drivers.clock import Clock
-from goniometer.errors import DeviceError
 
 if TYPE_CHECKING:
     from acquisition.engine import Bench
@@ -119,14 +118,14 @@ class Readout:
             is_last = repeat == step.readings - 1
             angles_deg = self._expose(time_s, step.exposure_s, anew=is_last)
             leaves = after is not None and is_last and not self._orders.are_waiting
-            failure = self._departure(after) if leaves and after is not None else None
+            failure = self._placement.departure(after) if leaves and after is not None else None
             if self._is_taken_again() and leaves:
                 return
             taken = self._judged(step, repeat, time_s, angles_deg)
             is_enough = taken is not None and self._enough(step, [*self._powers_w, taken.power_w])
             if is_enough and not is_last and after is not None and not self._orders.are_waiting:
                 leaves = True
-                failure = self._departure(after)
+                failure = self._placement.departure(after)
             if failure is not None:
                 if taken is not None:
                     self._keep(step, taken)
@@ -166,15 +165,6 @@ class Readout:
     def _judged(self, step: Step, repeat: int, time_s: float, angles_deg: tuple[float, ...]) -> Reading | None:
         taken = step, repeat, time_s, angles_deg
         return self._orders.judged(time_s, lambda: reading_of(*taken, self._detector.power_w()))
-
-    def _departure(self, target: Target) -> DeviceError | None:
-        """Leave for a target; returns what went wrong, for the reading that has its light is to be stored first."""
-        self._wait(0.0)  # nothing is set in motion that was to be stopped
-        try:
-            self._placement.depart(target)
-        except DeviceError as failure:
-            return failure
-        return None
 
     def _is_taken_again(self) -> bool:
         """Wait for the reading to be confirmed; True when the detector had to take it again."""

@@ -21,7 +21,7 @@ from acquisition.stopping import require_rest
 from acquisition.timing import DUE_POLL_S, READING_POLL_S
 from acquisition.turn import Turn
 from drivers.clock import Clock
-from goniometer.errors import DeviceError, LimitError
+from goniometer.errors import LimitError
 
 if TYPE_CHECKING:
     from acquisition.engine import Bench
@@ -124,7 +124,7 @@ class TurnReadout:
                 break
             if is_last and after is not None and not self._orders.are_waiting:
                 leaves = True
-                failure = self._departure(after)
+                failure = self._placement.departure(after)
             self._confirm(turn)
         turn.require_even()
         for reading in turn.readings():
@@ -182,15 +182,6 @@ class TurnReadout:
         if reading is None:
             raise _BrokenOff
         turn.taken.append(reading)
-
-    def _departure(self, target: Target) -> DeviceError | None:
-        """Leave for a target; returns what went wrong, for the readings of the turn are to be stored first."""
-        self._wait(0.0)  # nothing is set in motion that was to be stopped
-        try:
-            self._placement.depart(target)
-        except DeviceError as failure:
-            return failure
-        return None
 
     def _break_off(self) -> None:
         """Bring the analyzer to rest where it is, to be brought back."""
