@@ -122,6 +122,8 @@ class EndTiming:
     """From the end of one turn to the beginning of the next, which is where the analyzer goes in any case."""
 
     rotation: Rotation
+    rest_s: float = 0.0
+    """Of the turn, behind the last reading in it."""
 
     @property
     def settle_s(self) -> float:
@@ -135,7 +137,7 @@ class EndTiming:
 
     def move_s(self, start: int, end: int) -> float:
         """Duration of what is left to go behind the last reading of a turn."""
-        return self.rotation.begin_s
+        return self.rest_s + self.rotation.begin_s
 
 
 @dataclass(frozen=True)
@@ -157,9 +159,10 @@ class RotationTiming(BenchTiming):
         return max(self.detector.reading_s(exposure_s), exchange_s + CONFIRM_S)
 
 
-def rotation_timing(timing: BenchTiming, rotation: Rotation) -> RotationTiming:
+def rotation_timing(timing: BenchTiming, rotation: Rotation, recipe: Recipe) -> RotationTiming:
     """The timing of the bench with its analyzer turning."""
-    analyzer: AnalyzerTiming = EndTiming(rotation)
+    left_s = rotation.spacing_s(min(recipe.readings_of_angles())) - recipe.exposure_s
+    analyzer: AnalyzerTiming = EndTiming(rotation, max(left_s, 0.0))
     known = {name: getattr(timing, name) for name in BenchTiming.__dataclass_fields__}
     return RotationTiming(**(known | {"analyzer": analyzer, "rotation": rotation}))
 

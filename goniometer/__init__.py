@@ -9,6 +9,7 @@ The public face re-exports lazily, so that ``import goniometer`` stays cheap::
     read           measured values out of a run, NeXus file or table    (goniometer)
     load           a run as an xarray.Dataset                           (goniometer)
     run            run a recipe                                         (goniometer)
+    resume         take a run up again that was cut short               (goniometer)
     simulate       serve a scene as a simulated bench                   (goniometer)
 """
 
@@ -29,10 +30,11 @@ _PUBLIC = {
     "fit": ("model.fit", "fit"),
     "read": ("goniometer.fitting.input", "read"),
     "run": ("goniometer.run_recipe", "run"),
+    "resume": ("goniometer.resume_run", "resume"),
     "simulate": ("goniometer.bench", "simulate"),
     "load": ("goniometer.labelled", "load"),
 }
-__all__ = ["Dataset", "Surface", "SurfaceFamily", "__version__", "fit", "load", "read", "run", "simulate"]
+__all__ = ["Dataset", "Surface", "SurfaceFamily", "__version__", "fit", "load", "read", "resume", "run", "simulate"]
 
 
 def _refuse_hidden_parts() -> None:

@@ -38,7 +38,7 @@ def rotation_of(rig: Rig) -> Rotation:
 
 def timing_of(recipe: Recipe, rig: Rig, standing: BenchTiming) -> BenchTiming:
     """The timing of a bench for a recipe, given that of the bench with its analyzer standing in its slots."""
-    return standing if recipe.analyzer_rotation is None else rotation_timing(standing, rotation_of(rig))
+    return standing if recipe.analyzer_rotation is None else rotation_timing(standing, rotation_of(rig), recipe)
 
 
 def turning(bench: Bench, rig: Rig) -> Bench:
@@ -56,7 +56,7 @@ def rotation_on_rig(recipe: Recipe, file: YamlFile, rig: Rig, rig_path: Path, st
     if not faults:
         rotation = rotation_of(rig)
         faults += _limit_faults(rotation, file, rig, rig_path)
-        faults += _reading_faults(recipe, file, rig_path, rotation_timing(standing, rotation))
+        faults += _reading_faults(recipe, file, rig_path, rotation_timing(standing, rotation, recipe))
     yield from faults
 
 

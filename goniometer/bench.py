@@ -95,7 +95,8 @@ def access(setup: BenchSetup, speed: Speed | None, left_off: LeftOff | None = No
     Raises
     ------
     ConfigurationError
-        When a speed is asked of a bench that this process does not simulate.
+        When a speed is asked of a bench that this process does not simulate, or of an analyzer that turns while it is
+        read: delays of the computer would count as much more time of the bench, and put its readings at wrong angles.
     NotConnectedError
         When a bench served elsewhere does not answer, or another process holds a port.
     """
@@ -104,10 +105,12 @@ def access(setup: BenchSetup, speed: Speed | None, left_off: LeftOff | None = No
     if rig.bench is not None:
         _refuse_speed(speed, setup, "the bench is served by another process: give --speed to goniometer simulate")
         with held_ports(ports.values()), closing(RemoteClock(rig.bench)) as clock:
+            _refuse_haste(setup, clock.speed)
             behind_s = 0.0 if left_off is None or clock.speed == "max" else left_off.ended_s - clock.now()
             yield BenchAccess(LaterClock(clock, behind_s) if behind_s > 0 else clock, ports, clock.scene_text)
     elif rig.is_simulated:
         assert setup.scene is not None, "a simulated rig is only accepted with a scene"
+        _refuse_haste(setup, speed)
         with simulate(setup.scene, 1.0 if speed is None else speed, left_off) as bench:
             yield BenchAccess(bench.clock, served_ports(rig, bench), setup.scene_text)
     else:
@@ -124,6 +127,17 @@ def served_ports(rig: Rig, bench: SimulatedBench) -> dict[str, str]:
         for name, device in rig.devices.items()
         if device.port
     }
+
+
+def _refuse_haste(setup: BenchSetup, speed: float | str | None) -> None:
+    if setup.is_read_turning and isinstance(speed, float | int) and speed > 1:
+        raise ConfigurationError(
+            [
+                f"{setup.recipe_path}: the analyzer turns while it is read (analyzer_rotation), and at --speed "
+                f"{speed:g} what this computer is late by would put readings at wrong angles. Nothing was moved. Say "
+                "--speed max, or leave it out."
+            ]
+        )
 
 
 def _refuse_speed(speed: Speed | None, setup: BenchSetup, reason: str) -> None:

@@ -55,7 +55,7 @@ def resume(
     from acquisition.control import ScanControl
     from goniometer.console import console_for
     from goniometer.keyboard import keys
-    from goniometer.resume import SAME_SAMPLE, resume
+    from goniometer.resume_run import SAME_SAMPLE, resume
 
     def is_same_sample() -> bool:
         return sample_untouched or (sys.stdin.isatty() and click.confirm(SAME_SAMPLE, err=True))

@@ -78,6 +78,14 @@ def filter_faults(wavelengths_nm: Sequence[float], file: YamlFile, rig: Rig, rig
                 f"asks for {len(wavelengths_nm)} wavelengths; allowed: one, because {rig_path} has no wheel of filters",
             )
         return
+    retarding = [part for part in (rig.analyzer, rig.generator) if part is not None and part.retarded()]
+    if retarding and len(wavelengths_nm) > 1:
+        yield file.fault(
+            ("wavelength_nm",),
+            f"asks for {len(wavelengths_nm)} wavelengths; allowed: one, because the retarder of the "
+            f"{retarding[0].part} in {rig_path} has another retardance at each. Write one of them, with its retardance "
+            "in the rig file",
+        )
     known = ", ".join(f"{wavelength_nm:g}" for wavelength_nm in rig.filters.slots)
     for number, wavelength_nm in enumerate(wavelengths_nm):
         if wavelength_nm not in rig.filters.slots:

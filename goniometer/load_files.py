@@ -37,6 +37,11 @@ class BenchSetup:
     scene_text: str
     calibration_text: str = ""
 
+    @property
+    def is_read_turning(self) -> bool:
+        """Whether the analyzer is read while it turns."""
+        return False
+
 
 @dataclass(frozen=True, kw_only=True)
 class Setup(BenchSetup):
@@ -44,6 +49,11 @@ class Setup(BenchSetup):
 
     recipe: Recipe
     calibration: SlotCalibration | None = None
+
+    @property
+    def is_read_turning(self) -> bool:
+        """Whether the analyzer is read while it turns."""
+        return self.recipe.analyzer_rotation is not None
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -43,7 +43,7 @@ def plan(recipe: Recipe, rig: Rig) -> tuple[Step, ...]:
         recipe = recipe.model_copy(update={"direction_within_s": 0.0})
     if recipe.analyzer_rotation is not None:  # one turn ends where the next one begins
         steps = _plan(recipe.model_copy(update={"direction_within_s": 0.0}), rig)
-        return with_rotation(steps, rotation_timing(timing(rig), rotation_of(rig)))
+        return with_rotation(steps, rotation_timing(timing(rig), rotation_of(rig), recipe))
     return _plan(recipe, rig)
 
 

@@ -153,7 +153,7 @@ def test_the_same_numbers_stand_in_journal_table_nexus_and_dataset(run):
 def test_each_wavelength_has_its_matrices_in_the_run_the_table_and_the_nexus_file(tmp_path):
     """Those of iron at each: n and k follow the wavelength, and every file says which matrix is of which."""
     listed_nm = (525.0, 580.0)
-    run = Files().with_filters(*listed_nm).run(tmp_path)
+    run = Files().with_polarizer_as_generator().with_wheel_as_analyzer().with_filters(*listed_nm).run(tmp_path)
     assert [point.wavelength_nm for point in run.points] == [525.0] * 6 + [580.0] * 6
     for wavelength_nm in listed_nm:
         index = materials.index("Fe", wavelength_nm)
@@ -161,14 +161,21 @@ def test_each_wavelength_has_its_matrices_in_the_run_the_table_and_the_nexus_fil
         require_within_noise([point for point in run.points if point.wavelength_nm == wavelength_nm], lobes)
     with (run.folder / "mueller.csv").open(encoding="utf-8") as table:
         rows = list(csv.DictReader(line for line in table if not line.startswith("#")))
-    assert [(float(row["wavelength_nm"]), float(row["m33"])) for row in rows] == [
-        (point.wavelength_nm, point.mueller[3, 3]) for point in run.points
+    assert [(float(row["wavelength_nm"]), float(row["m22"])) for row in rows] == [
+        (point.wavelength_nm, point.mueller[2, 2]) for point in run.points
     ]
     with h5py.File(run.folder / "scan.nxs") as nexus:
         assert_array_equal(nexus["entry/mueller/wavelength"], [point.wavelength_nm for point in run.points])
     labelled = goniometer.load(run.folder)
     there = labelled.sel(wavelength_nm=580.0).isel(exit_deg=4)
     assert_array_equal(there["mueller_per_sr"], run.points[10].mueller)
+
+
+def test_a_retarder_is_refused_at_several_wavelengths(tmp_path):
+    with pytest.raises(
+        ConfigurationError, match=r"asks for 2 wavelengths; allowed: one, because the retarder of the an"
+    ):
+        load_recipe(Files().with_filters(525.0, 580.0).write(tmp_path))
 
 
 def covariance_at(run, point, element):

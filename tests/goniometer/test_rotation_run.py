@@ -14,15 +14,23 @@ from numpy.testing import assert_allclose
 import goniometer
 from acquisition.control import ScanControl
 from acquisition.engine import LINK_LOST
-from acquisition.events import ExposureChanged, LinkRestored, Paused, ReadingStored, RequestRefused, ScanEnded
+from acquisition.events import (
+    ExposureChanged,
+    LinkRestored,
+    Paused,
+    ReadingStored,
+    RequestRefused,
+    ScanEnded,
+    ScanStarted,
+)
 from acquisition.journal import FILE_NAME, Journal
 from acquisition.measured_nexus import read_measured_nexus
 from acquisition.turn_readout import TurnReadout
 from goniometer.check import describe_plan
-from goniometer.errors import PositionError, ScanInterrupted
+from goniometer.errors import ConfigurationError, PositionError, ScanInterrupted
 from goniometer.load_files import load_recipe
 from goniometer.planning import plan, reduction
-from goniometer.resume import resume
+from goniometer.resume_run import resume
 from goniometer.run_folder import measured
 from model.lobes import Diffuse, Directional, Specular
 from model.surface import Surface
@@ -295,3 +303,17 @@ def test_a_program_that_comes_too_late_for_every_reading_of_a_turn_says_so(run, 
     monkeypatch.setattr(TurnReadout, "_expose", lambda *_, **__: False)
     with pytest.raises(PositionError, match="its turn was over before a reading of it could be taken"):
         run()
+
+
+def test_a_speed_that_would_spoil_the_angles_is_refused(written, tmp_path):
+    with pytest.raises(
+        ConfigurationError, match="at --speed 10 what this computer is late by would put readings at wro"
+    ):
+        goniometer.run(written(), out=tmp_path / "runs", speed=10)
+
+
+def test_a_slow_turn_with_few_readings_takes_as_long_as_planned(run):
+    slow = {"velocity_deg_s": 10, "acceleration_deg_s2": 100, "limits_deg": [-300, 300]}
+    _, events = run(axis=slow, recipe={"readings": 12, "exit": {"start_deg": 0, "stop_deg": 40, "step_deg": 20}})
+    (started,), (ended,) = of(ScanStarted, events), of(ScanEnded, events)
+    assert abs(ended.bench_duration_s / started.expected_duration_s - 1) < 0.02

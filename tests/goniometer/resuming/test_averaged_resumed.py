@@ -7,7 +7,7 @@ import pytest
 
 from acquisition.journal import FILE_NAME
 from goniometer.errors import JournalError
-from goniometer.resume import resume
+from goniometer.resume_run import resume
 
 TO_RATIO = "{at_least: 2, at_most: 40, signal_to_noise: 150}"
 TO_ERROR = "{at_least: 2, at_most: 20, dolp_error: 0.006}"
@@ -20,7 +20,7 @@ EVERY = pytest.mark.parametrize("every", [6, pytest.param(1, marks=pytest.mark.l
 @pytest.fixture
 def no_results(monkeypatch):
     """Leaves out what is made of the readings, which takes most of the time."""
-    monkeypatch.setattr("goniometer.resume.results", lambda folder, subscribers, interruption: None)
+    monkeypatch.setattr("goniometer.resume_run.results", lambda folder, subscribers, interruption: None)
 
 
 @pytest.fixture(scope="module")

@@ -5,7 +5,7 @@ import shutil
 import h5py
 import pytest
 
-import goniometer.resume
+import goniometer.resume_run
 from acquisition.events import StepStarted
 from acquisition.journal import FILE_NAME, Journal
 from acquisition.readings import Reading
@@ -13,7 +13,7 @@ from goniometer.errors import DeviceFaultError, ScanInterrupted
 from goniometer.fitting.command import fit_one
 from goniometer.load_files import load_recipe
 from goniometer.planning import plan
-from goniometer.resume import resume
+from goniometer.resume_run import resume
 
 READINGS = 5 * 5 * 2 + 3 * 2 + 2
 """Of five directions in five slots, three references, and the one that closes the scan."""
@@ -22,7 +22,7 @@ READINGS = 5 * 5 * 2 + 3 * 2 + 2
 @pytest.fixture
 def no_results(monkeypatch):
     """Leaves out what is made of the readings, which takes most of the time."""
-    monkeypatch.setattr(goniometer.resume, "results", lambda folder, subscribers, interruption: None)
+    monkeypatch.setattr(goniometer.resume_run, "results", lambda folder, subscribers, interruption: None)
 
 
 @pytest.mark.usefixtures("no_results")

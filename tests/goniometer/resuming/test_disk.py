@@ -13,7 +13,7 @@ import pytest
 import goniometer
 from acquisition.journal import FILE_NAME, Journal
 from goniometer.errors import JournalError
-from goniometer.resume import resume
+from goniometer.resume_run import resume
 from goniometer.run_folder import measured
 from goniometer.run_lock import sole_writer
 

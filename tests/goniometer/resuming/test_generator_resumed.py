@@ -7,10 +7,10 @@ import pytest
 import yaml
 
 import goniometer
-import goniometer.resume
+import goniometer.resume_run
 from acquisition.journal import FILE_NAME
 from goniometer.errors import JournalError
-from goniometer.resume import resume
+from goniometer.resume_run import resume
 
 ROTATORS = {"generator_rotator": "generator_retarder", "analyzer_rotator": "retarder"}
 AXIS = {"velocity_deg_s": 50, "acceleration_deg_s2": 1000, "settle_s": 0.05, "tolerance_deg": 0.01}
@@ -59,7 +59,7 @@ def pairs(run, also=""):
 
 @pytest.fixture
 def no_results(monkeypatch):
-    monkeypatch.setattr(goniometer.resume, "results", lambda folder, subscribers, interruption: None)
+    monkeypatch.setattr(goniometer.resume_run, "results", lambda folder, subscribers, interruption: None)
 
 
 @pytest.mark.usefixtures("no_results")

@@ -6,7 +6,7 @@ import goniometer
 import goniometer.bench
 from acquisition.journal import FILE_NAME, Journal
 from goniometer.errors import ScanInterrupted
-from goniometer.resume import resume
+from goniometer.resume_run import resume
 
 
 @pytest.fixture
@@ -73,7 +73,7 @@ def at_look(tiny, tmp_path, interrupted_at, bench_at_its_end, rows, expected):
 
 @pytest.fixture
 def no_results(monkeypatch):
-    monkeypatch.setattr("goniometer.resume.results", lambda folder, subscribers, interruption: None)
+    monkeypatch.setattr("goniometer.resume_run.results", lambda folder, subscribers, interruption: None)
 
 
 @pytest.mark.usefixtures("no_results")

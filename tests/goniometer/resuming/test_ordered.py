@@ -14,7 +14,7 @@ from acquisition.journal import FILE_NAME, Journal
 from acquisition.orders import ORDERED
 from goniometer.errors import JournalError
 from goniometer.load_files import load_recipe
-from goniometer.resume import resume
+from goniometer.resume_run import resume
 from goniometer.run_folder import measured
 
 
@@ -56,7 +56,7 @@ def places(taken):
 
 @pytest.fixture
 def no_results(monkeypatch):
-    monkeypatch.setattr("goniometer.resume.results", lambda folder, subscribers, interruption: None)
+    monkeypatch.setattr("goniometer.resume_run.results", lambda folder, subscribers, interruption: None)
 
 
 SKIPS = {

@@ -15,8 +15,8 @@ from goniometer.bench import simulate
 from goniometer.cli import cli
 from goniometer.errors import ConfigurationError, DeviceFaultError, JournalError
 from goniometer.load_files import load_rig, load_scene
-from goniometer.resume import resume
 from goniometer.resume_checks import refuse_other_bench
+from goniometer.resume_run import resume
 from goniometer.standing import come_to_rest, out_of_place
 
 

@@ -4,11 +4,11 @@ import pytest
 import yaml
 
 import goniometer
-import goniometer.resume
+import goniometer.resume_run
 from acquisition.events import WavelengthChanged
 from goniometer.load_files import load_recipe
 from goniometer.planning import alike, plan, references
-from goniometer.resume import resume
+from goniometer.resume_run import resume
 from goniometer.run_folder import measured
 
 DISTURBED = [
@@ -44,7 +44,7 @@ def whole(coloured, tmp_path_factory):
 
 @pytest.fixture
 def no_results(monkeypatch):
-    monkeypatch.setattr(goniometer.resume, "results", lambda folder, subscribers, interruption: None)
+    monkeypatch.setattr(goniometer.resume_run, "results", lambda folder, subscribers, interruption: None)
 
 
 @pytest.mark.usefixtures("no_results")

@@ -10,7 +10,7 @@ from acquisition.decisions import Decisions
 from acquisition.events import DirectionChosen, ReadingStored, ScanEnded, ScanStarted
 from acquisition.journal import FILE_NAME, Journal
 from acquisition.steering import spent_s
-from goniometer.resume import resume
+from goniometer.resume_run import resume
 
 ADAPTIVE = "adaptive: true\nuntil: {sigma: 0.00001}\ntime_limit_s: 30\n"
 PASSES = "until: {sigma: 0.00028}\ntime_limit_s: 80\n"
@@ -23,7 +23,7 @@ CALM = """
 @pytest.fixture
 def no_results(monkeypatch):
     """Leaves out what is made of the readings, which takes most of the time."""
-    monkeypatch.setattr("goniometer.resume.results", lambda folder, subscribers, interruption: None)
+    monkeypatch.setattr("goniometer.resume_run.results", lambda folder, subscribers, interruption: None)
 
 
 def steered(recipe, steering):
