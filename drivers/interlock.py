@@ -50,6 +50,8 @@ class Interlock:
         order = free_order(self._zones, standing_deg, ways)
         if order is None:
             spans = {role: (angle_deg, angle_deg) for role, angle_deg in standing_deg.items()}
+            if (zone := entered(self._zones, spans)) is not None:
+                raise _standing(standing_deg, zone)
             spans |= {role: (min(way), max(way)) for role, way in ways.items()}
             zone = entered(self._zones, spans)
             assert zone is not None, "an order without a free path has a zone on it"
@@ -62,6 +64,17 @@ class Interlock:
         spans[role] = (min(way_deg), max(way_deg))
         if zone := entered(self._zones, spans):
             raise _refused(role, f"the way from {way_deg[0]:g} to {way_deg[-1]:g} degrees", zone)
+
+
+def _standing(standing_deg: Mapping[str, float], zone: Zone) -> CollisionError:
+    places = ", ".join(f"{role} {angle_deg:g}" for role, angle_deg in standing_deg.items())
+    return CollisionError(
+        " and ".join(standing_deg),
+        f"the axes stand in a collision zone, at {places} degrees: {zone.describe()}",
+        not_done="no move was begun, for each would begin in it",
+        to_do="bring them out by hand or by the controller's own panel, or look whether they stand where they say; a "
+        "simulated bench begins where start_deg in its scene says",
+    )
 
 
 def _refused(name: str, way: str, zone: Zone) -> CollisionError:

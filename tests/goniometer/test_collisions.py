@@ -142,6 +142,16 @@ def test_a_refused_move_sends_nothing_that_moves() -> None:
         assert simulated.world.axes["detector_arm"].motor_deg(simulated.clock.now()) == 20.0
 
 
+def test_a_bench_that_stands_in_a_zone_is_told_so() -> None:
+    rig = Rig.model_validate(RIG | {"collision_zones": [{"arms_closer_than_deg": 70.0}]})
+    scene = Scene.model_validate(SCENE | {"start_deg": {"source_arm": 40.0, "detector_arm": 20.0}})
+    stands = r"the axes stand in a collision zone, at source_arm 40, detector_arm 20, .*start_deg in its scene"
+    with bench_of(rig, scene) as (_, bench):
+        standing = {role: axis.position_deg() for role, axis in bench.axes.items()}
+        with pytest.raises(CollisionError, match=stands):
+            bench.order(standing, {"detector_arm": 60.0})
+
+
 def test_a_recipe_whose_way_leads_through_a_zone_is_refused_before_anything_moves(tmp_path: Path) -> None:
     for folder in ("rigs", "scenes", "recipes"):
         (tmp_path / folder).mkdir()
