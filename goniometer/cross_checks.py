@@ -70,7 +70,7 @@ def exposure_faults(exposure_s: float, file: YamlFile, rig: Rig, rig_path: Path)
 
 
 def filter_faults(wavelengths_nm: Sequence[float], file: YamlFile, rig: Rig, rig_path: Path) -> Iterator[Fault]:
-    """Wavelengths that no filter of the rig has."""
+    """Wavelengths that no filter of the rig has, or several of them behind a retarder, which holds at one."""
     if rig.filters is None:
         if len(wavelengths_nm) > 1:
             yield file.fault(
