@@ -43,6 +43,9 @@ class Link:
         Longest wait for one answer, and for the device to take one command, in real seconds.
     wire_log : WireLog, optional
         Where every byte is written down; nowhere when not given.
+    most_logged : int, optional
+        How many bytes of what comes behind one command are written down at most: a picture would fill the log. All when
+        not given.
 
     Raises
     ------
@@ -60,6 +63,7 @@ class Link:
         rtscts: bool = False,
         reply_timeout_s: float = 1.0,
         wire_log: WireLog | None = None,
+        most_logged: int | None = None,
     ) -> None:
         self.port, self.device = port, device
         self._is_socket = port.startswith(TCP_SCHEMES)
@@ -69,7 +73,7 @@ class Link:
             else SerialPort(port, baudrate=baudrate, parity=parity, rtscts=rtscts, timeout_s=reply_timeout_s)
         )
         self._reply_timeout_s = reply_timeout_s
-        self._wire_log = wire_log
+        self._wire_log, self._most_logged, self._came = wire_log, most_logged, 0
         self._received = bytearray()
         self._last_written = b""
         self._looked_s = -math.inf
@@ -88,6 +92,7 @@ class Link:
         if self._is_socket and time.monotonic() - self._looked_s > _JUST_NOW_S:
             self._received += self._receive(0.0)  # bytes sent after the other end has hung up vanish without an error
         if self._wire_log is not None:
+            self._log_rest(self._wire_log)
             self._wire_log.sent(self.device, data)
         try:
             self._port.send(data)
@@ -234,8 +239,19 @@ class Link:
         except PORT_ERRORS as error:
             raise self._noted(link_errors.lost(self.device, self.port, error)) from error
         if data and self._wire_log is not None:
-            self._wire_log.received(self.device, data)
+            self._log_received(self._wire_log, data)
         return data
+
+    def _log_received(self, wire_log: WireLog, data: bytes) -> None:
+        room = len(data) if self._most_logged is None else max(0, self._most_logged - self._came)
+        self._came += len(data)
+        if room:
+            wire_log.received(self.device, data[:room])
+
+    def _log_rest(self, wire_log: WireLog) -> None:
+        if self._most_logged is not None and self._came > self._most_logged:
+            wire_log.event(self.device, f"{self._came - self._most_logged} more bytes came and are not written here")
+        self._came = 0
 
     def _note(self, event: str) -> None:
         _log.warning("%s: %s", self.device, event)

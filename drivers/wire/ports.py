@@ -14,7 +14,7 @@ from urllib.parse import urlsplit
 
 import serial
 
-TCP_SCHEMES = ("socket://", "modbus-tcp://")
+TCP_SCHEMES = ("socket://", "modbus-tcp://", "http://")
 _CONNECT_S = 5.0
 _MOST_AT_ONCE = 4096
 _NOTHING_OPEN = -1

@@ -1,0 +1,1 @@
+"""Cameras: what takes pictures of the sample behind the analyzer."""

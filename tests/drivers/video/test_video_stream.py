@@ -1,0 +1,279 @@
+from __future__ import annotations
+
+import subprocess
+import sys
+import threading
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose, assert_array_equal
+
+from drivers.camera.capture import Capture, without_password
+from drivers.camera.frame_reader import FrameReader
+from goniometer.errors import DeviceFaultError, NotConnectedError, ReplyTimeoutError
+
+PERIOD_S = 0.1
+
+
+@pytest.fixture
+def watch(stream, clock, until, videos):
+    """Let the camera show pictures, each at its time, and wait until each has come."""
+
+    def show(camera, arrivals_s, pictures):
+        for arrived_s, picture in zip(arrivals_s, pictures, strict=True):
+            clock.time_s = arrived_s
+            before = camera.frames
+            stream.show(picture if isinstance(picture, bytes) else videos.jpeg(picture))
+            until(lambda before=before: camera.frames > before or not camera_is_well(camera))
+
+    return show
+
+
+def camera_is_well(camera):
+    try:
+        camera.is_reading()
+    except (DeviceFaultError, NotConnectedError):
+        return False
+    return True
+
+
+@pytest.fixture
+def connected(make_camera, stream, until):
+    """A camera whose first pictures, which FFmpeg has looked at, have all come."""
+
+    def connect(**parameters):
+        camera = make_camera(stream.url, **parameters)
+        camera.connect()
+        until(lambda: camera.frames == len(stream.opening))
+        return camera
+
+    return connect
+
+
+def after(start_s, count):
+    return start_s + PERIOD_S * np.arange(1, count + 1)
+
+
+def test_only_pictures_begun_after_the_reading_are_in_it(connected, watch, clock, videos):
+    camera = connected(latency_s=0.02)
+    pictures = [videos.noise(40 + 20 * k, k) for k in range(6)]
+    watch(camera, [10.00, 10.10], pictures[:2])
+    camera.start_reading(0.2)
+    watch(camera, [10.20, 10.30, 10.40, 10.50], pictures[2:])  # begun at 10.08, 10.18, 10.28, 10.38
+    assert not camera.is_reading()
+    seen = [videos.decoded(videos.jpeg(picture)) for picture in pictures]
+    assert_allclose(camera.frame().counts / 257, np.mean(seen[3:5], axis=0), atol=0.5 / 257 + 1e-12)
+    assert camera.frame().time_s == pytest.approx(10.18)
+
+
+def test_reading_goes_on_until_its_last_picture(connected, watch, clock, videos):
+    camera = connected()
+    watch(camera, [10.0], [videos.noise(50, 0)])
+    camera.start_reading(0.3)
+    watch(camera, after(10.0, 2), [videos.noise(50, k) for k in (1, 2)])
+    assert camera.is_exposing()
+    assert camera.is_reading()
+    watch(camera, [10.3], [videos.noise(50, 3)])
+    assert not camera.is_exposing()
+    assert not camera.is_reading()
+
+
+def test_a_gap_behind_a_finished_reading_is_no_fault_of_it(connected, watch, stream, clock, until, videos):
+    camera = connected()
+    watch(camera, [10.0], [videos.noise(50, 0)])
+    camera.start_reading(0.1)
+    for arrived_s in (10.1, 11.0):  # nobody looks in between whether it is finished
+        clock.time_s, before = arrived_s, camera.frames
+        stream.show(videos.jpeg(videos.noise(50, 1)))
+        until(lambda before=before: camera.frames > before)
+    assert not camera.is_reading()
+    assert camera.dropped_frames == 9 - 1 + 99  # and those between the stream's beginning, at 0 s, and 10 s
+    assert_array_equal(camera.frame().counts, videos.decoded(videos.jpeg(videos.noise(50, 1))) * np.uint16(257))
+
+
+def test_reading_over_dropped_pictures_is_begun_again(connected, watch, clock, videos):
+    camera = connected()
+    watch(camera, [10.0], [videos.noise(50, 0)])
+    camera.start_reading(0.2)
+    watch(camera, [10.1, 10.3], [videos.noise(50, k) for k in (1, 2)])
+    assert camera.is_reading()
+    watch(camera, [10.4, 10.5], [videos.noise(90, k) for k in (3, 4)])
+    assert not camera.is_reading()
+    assert camera.frame().time_s == pytest.approx(10.3)
+    assert camera.frame().counts.mean() / 257 == pytest.approx(90, abs=1)
+
+
+def test_what_a_poll_has_seen_of_a_reading_stays_as_it_was(stream, clock, until, videos):
+    """Pictures come in a thread: were they to change it, a gap might come between looking for one and for the end."""
+    capture = Capture(stream.url, name="cam")
+    reader = FrameReader(capture, clock, frame_s=PERIOD_S, latency_s=0.0, most_identical=0, timeout_s=5.0)
+    until(lambda: reader.frames == len(stream.opening))
+    reader.begin(1)
+    seen = reader.reading()
+    clock.time_s = 10.0
+    stream.show(videos.jpeg(videos.noise(50, 0)))
+    until(lambda: reader.reading().is_complete)
+    assert reader.reading().lost == 99
+    assert (seen.frames, seen.lost, seen.is_complete) == (0, 0, False)
+    stream.show(None)
+    reader.close()
+
+
+def test_pictures_dropped_three_times_are_a_fault(connected, watch, videos):
+    camera = connected()
+    watch(camera, [10.0], [videos.noise(50, 0)])
+    camera.start_reading(0.2)
+    for attempt in range(1, 4):
+        watch(camera, [10.0 + attempt], [videos.noise(50, attempt)])
+        if attempt < 3:
+            assert camera.is_reading()
+    with pytest.raises(DeviceFaultError, match=r"missing or damaged in each of 3 attempts at a reading, 9 in the last"):
+        camera.is_reading()
+
+
+def test_damaged_picture_is_not_used(connected, watch, stream, until, videos):
+    camera = connected()
+    watch(camera, [10.0], [videos.noise(50, 0)])
+    camera.start_reading(0.2)
+    whole = videos.jpeg(videos.noise(50, 1))
+    stream.show(whole[: len(whole) * 3 // 4])
+    watch(camera, [10.1], [whole])
+    assert camera.is_reading()  # and begun again
+    watch(camera, [10.2, 10.3], [videos.noise(90, k) for k in (2, 3)])
+    assert not camera.is_reading()
+    assert camera.frame().counts.mean() / 257 == pytest.approx(90, abs=1)
+
+
+def test_picture_of_another_size_is_not_stretched(connected, watch, videos):
+    camera = connected()
+    watch(camera, [10.0], [videos.noise(50, 0)])
+    camera.start_reading(0.1)
+    watch(camera, [10.1], [videos.noise(50, 1, 32, 24)])
+    with pytest.raises(DeviceFaultError, match="picture of 32 x 24 pixels came, where they should have 64 x 48"):
+        camera.is_reading()
+
+
+def test_end_of_the_stream_is_a_lost_link_and_can_be_opened_again(connected, watch, stream, until, videos):
+    camera = connected()
+    watch(camera, [10.0], [videos.noise(50, 0)])
+    camera.start_reading(0.2)
+    stream.show(None)
+    with pytest.raises(NotConnectedError, match=r"stream.mjpg gives no more pictures, after 13: the stream ended"):
+        until(lambda: not camera.is_reading())
+    camera.start_reading(0.1)
+    with pytest.raises(NotConnectedError, match="gives no more pictures"):
+        until(lambda: not camera.is_reading())
+    camera.reconnect()
+    camera.connect()
+    until(lambda: camera.frames == len(stream.opening))
+    watch(camera, [10.1], [videos.noise(50, 2)])
+    camera.start_reading(0.1)
+    watch(camera, [10.2], [videos.noise(50, 1)])
+    assert not camera.is_reading()
+
+
+def test_stream_that_falls_silent_is_lost(connected, until):
+    camera = connected(timeout_s=0.2)
+    camera.start_reading(0.1)
+    with pytest.raises(NotConnectedError, match="the stream ended or stood still"):
+        until(lambda: not camera.is_reading())
+
+
+@pytest.mark.usefixtures("no_real_grace")
+def test_too_few_pictures_in_the_time(connected, watch, clock, videos):
+    camera = connected(timeout_s=5.0)
+    watch(camera, [10.0], [videos.noise(50, 0)])
+    camera.start_reading(0.3)
+    watch(camera, [10.1], [videos.noise(50, 1)])
+    clock.time_s = 15.5
+    assert camera.is_reading()
+    clock.time_s = 15.7
+    with pytest.raises(ReplyTimeoutError, match=r"of the 3 pictures of a reading of 0\.3 s only 1 have come"):
+        camera.is_reading()
+
+
+def test_picture_that_stands_still(connected, watch, videos):
+    camera = connected(most_identical=3)
+    still = videos.noise(50, 99)
+    camera.start_reading(3600)
+    watch(camera, after(0.0, 3), [still] * 3)
+    assert camera_is_well(camera)
+    watch(camera, [0.4], [still])
+    with pytest.raises(DeviceFaultError, match="stands still: 4 in a row are the same bit for bit"):
+        camera.is_reading()
+
+
+@pytest.mark.parametrize("parameters", [{"most_identical": 3, "mean": 0}, {"most_identical": 0, "mean": 50}])
+def test_the_dark_may_stand_still_and_so_may_a_camera_without_noise(connected, watch, videos, parameters):
+    camera = connected(most_identical=parameters["most_identical"])
+    still = np.zeros((48, 64), np.uint8) if parameters["mean"] == 0 else videos.noise(50, 99)
+    camera.start_reading(0.5)
+    watch(camera, after(0.0, 8), [still] * 8)
+    assert not camera.is_reading()
+
+
+def test_nobody_at_the_address(make_camera, stream):
+    url = stream.url
+    stream.server_close()
+    with pytest.raises(NotConnectedError, match=r"cannot open http://127.0.0.1.*look at the camera's cable"):
+        make_camera(url, timeout_s=0.5).connect()
+
+
+def test_a_crash_while_pictures_are_taken_is_told(connected, watch, stream, until, videos, monkeypatch):
+    camera = connected()
+    monkeypatch.setattr(Capture, "_one_channel", lambda *_: 1 // 0)
+    camera.start_reading(0.1)
+    stream.show(videos.jpeg(videos.noise(50, 0)))
+    with pytest.raises(DeviceFaultError, match="cam: taking pictures failed: ZeroDivisionError"):
+        until(lambda: not camera.is_reading())
+
+
+def test_close_while_reading_ends_the_thread(connected, until):
+    camera = connected(timeout_s=0.2)
+    camera.start_reading(0.5)
+    camera.close()
+    assert not [thread for thread in threading.enumerate() if thread.name == "pictures of cam"]
+    assert not camera.is_reading()
+
+
+def test_warm_up_that_does_not_come(make_camera, stream):
+    camera = make_camera(stream.url, warm_up_frames=10, frame_s=0.001, timeout_s=1.0)
+    stream.show(None)
+    with pytest.raises(NotConnectedError, match="gives no more pictures"):
+        camera.connect()
+
+
+def test_nothing_of_opencv_stands_between_our_messages(stream, videos):
+    """In a process of its own: FFmpeg looks only once how much it is to say."""
+    whole = stream.opening[0]
+    stream.opening += [whole[:500], whole]
+    stream.show(None)
+    script = (
+        "from drivers.camera.capture import Capture\n"
+        "from goniometer.errors import DeviceError\n"
+        f"for address in ('none.avi', '99', {stream.url!r}, 'http://127.0.0.1:9/x'):\n"
+        "    try:\n"
+        "        capture = Capture(address, name='cam')\n"
+        "        while True: capture.read()\n"
+        "    except DeviceError as error:\n"
+        "        print(error)\n"
+    )
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True, timeout=60)
+    assert done.stderr == ""
+    assert [line[:23] for line in done.stdout.splitlines()] == ["cam: OpenCV cannot open"] * 2 + [
+        f"cam: {stream.url}"[:23],
+        "cam: OpenCV cannot open",
+    ]
+
+
+@pytest.mark.parametrize(
+    ("address", "shown"),
+    [
+        ("rtsp://me:secret@10.0.0.7:554/live?x=1", "rtsp://10.0.0.7:554/live?x=1"),
+        ("http://10.0.0.7/stream.mjpg", "http://10.0.0.7/stream.mjpg"),
+        ("/dev/video0", "/dev/video0"),
+        ("a@b.avi", "a@b.avi"),
+    ],
+)
+def test_passwords_are_not_shown(address, shown):
+    assert without_password(address) == shown
