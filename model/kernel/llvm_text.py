@@ -21,6 +21,7 @@ from model.kernel.expression import Symbol
 from model.kernel.schedule import Block, schedule
 
 LANES: dict[Precision, int] = {"float64": 8, "float32": 16}
+VECTOR_BYTES = 64
 
 _SMALLEST_SINGLE, _LARGEST_SINGLE = float(np.finfo(np.float32).tiny), float(np.finfo(np.float32).max)
 
@@ -29,7 +30,12 @@ _CALLS = {"sqrt": "sqrt", "abs": "fabs", "fma": "fma"}
 
 
 def assembly(
-    inputs: Sequence[str], uniform: Collection[str], outputs: Mapping[int, Symbol], precision: Precision
+    inputs: Sequence[str],
+    uniform: Collection[str],
+    outputs: Mapping[int, Symbol],
+    precision: Precision,
+    counts: Collection[str] = (),
+    past_cache: bool = False,
 ) -> str:
     """LLVM assembly of a kernel.
 
@@ -42,23 +48,37 @@ def assembly(
     outputs : mapping of int to Symbol
         What to compute, in operations that `lowering` leaves, by the row of the outputs that it goes to.
     precision : Precision
-        Type of all inputs and outputs.
+        Type of all inputs and outputs, but for
+    counts : collection of str
+        Inputs that are 16-bit whole numbers from 0, as cameras give them.
+    past_cache : bool
+        Outputs go to memory without being read into the cache before; then as many as are computed at once must begin
+        at a multiple of their size, in every row, and `count` be a multiple of their number.
     """
-    return _Writer(inputs, uniform, precision).function(outputs)
+    return _Writer(inputs, uniform, precision, counts, past_cache).function(outputs)
 
 
 class _Writer:
     """Collects the lines of one function."""
 
-    def __init__(self, inputs: Sequence[str], uniform: Collection[str], precision: Precision) -> None:
+    def __init__(
+        self,
+        inputs: Sequence[str],
+        uniform: Collection[str],
+        precision: Precision,
+        counts: Collection[str],
+        past_cache: bool,
+    ) -> None:
         self.inputs = list(inputs)
         self.uniform = uniform
+        self.counts = counts
         self.single = precision == "float32"
         self.number = "float" if self.single else "double"
         self.lanes = LANES[precision]
         self.whole_number = "i32" if self.single else "i64"
         self.bits = f"<{self.lanes} x {self.whole_number}>"
         self.align = f"align {4 if self.single else 8}"
+        self.stored = f"align {VECTOR_BYTES}, !nontemporal !0" if past_cache else self.align
         self.vector = f"<{self.lanes} x {self.number}>"
         self.truth = f"<{self.lanes} x i1>"
         self.suffix = f"v{self.lanes}f{32 if self.single else 64}"
@@ -84,9 +104,7 @@ class _Writer:
             offset = self.line(f"mul i64 %stride, {row}")
             place = self.line(f"add i64 {offset}, %i")
             pointer = self.line(f"getelementptr {self.number}, ptr %outputs, i64 {place}")
-            self.lines.append(
-                f"store {self.vector} {self.name(output)}, ptr {pointer}, align {4 if self.single else 8}"
-            )
+            self.lines.append(f"store {self.vector} {self.name(output)}, ptr {pointer}, {self.stored}")
         self.lines += [
             f"%after = add i64 %i, {self.lanes}",
             "%finished = icmp sge i64 %after, %count",
@@ -106,7 +124,7 @@ class _Writer:
         return (
             f"{declarations}\n"
             f"define internal void @kernel(i64 %count, ptr noalias %inputs, ptr noalias %outputs, i64 %stride) "
-            f"noinline {{\nentry:\n{body}\n}}\n{_repeated(len(self.inputs))}"
+            f"noinline {{\nentry:\n{body}\n}}\n{_repeated(len(self.inputs))}!0 = !{{i32 1}}\n"
         )
 
     def line(self, instruction: str, name: str | None = None) -> str:
@@ -179,6 +197,10 @@ class _Writer:
             return self.line(
                 f"shufflevector {self.vector} {single}, {self.vector} poison, <{self.lanes} x i32> zeroinitializer"
             )
+        if name in self.counts:
+            pointer = self.line(f"getelementptr i16, ptr {array}, i64 %i")
+            whole = self.line(f"load <{self.lanes} x i16>, ptr {pointer}, align 2")
+            return self.line(f"uitofp <{self.lanes} x i16> {whole} to {self.vector}")
         pointer = self.line(f"getelementptr {self.number}, ptr {array}, i64 %i")
         return self.line(f"load {self.vector}, ptr {pointer}, {self.align}")
 

@@ -208,3 +208,12 @@ def test_a_forked_process_computes_on_several_threads_too() -> None:
     ended = child.exitcode
     child.kill()
     assert ended == 0
+
+
+@pytest.mark.parametrize("count", [1, 2, 5, 7, 8, 9])
+def test_many_sets_give_what_each_gives_alone_however_few_values_they_have(count: int) -> None:
+    kernel = Kernel(lambda at: [at["x"] * at["y"], at["x"] + at["a"]], ["x", "y", "a"], frozenset(["a"]), "float64")
+    random = np.random.default_rng(count)
+    x, y, a = random.uniform(size=(3, count)), random.uniform(size=(1, count)), random.uniform(size=(3, 1))
+    found = kernel.repeated([x, y, a], 3, count)
+    assert_array_equal(found, np.stack([x * y, x + a], axis=1))
