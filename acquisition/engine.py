@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-from functools import partial
+from functools import cached_property, partial
 from typing import Protocol
 
 from acquisition.catching_up import CatchingUp
@@ -15,6 +15,7 @@ from acquisition.earlier import Earlier
 from acquisition.events import Event, LinkRestored, ReadingStored, StepStarted
 from acquisition.expand import Step, Target
 from acquisition.filters import Filters
+from acquisition.imaging.frame_files import FrameFiles
 from acquisition.journal import LINK_LOST, Journal
 from acquisition.lost_links import LostLinks
 from acquisition.orders import Orders
@@ -28,6 +29,7 @@ from acquisition.suspend import Judge
 from acquisition.time_left import TimeLeft
 from acquisition.timing import POLL_S
 from acquisition.turn_readout import TurnReadout
+from drivers.camera.frame import Frame
 from drivers.clock import Clock
 from drivers.interlock import Interlock
 from drivers.motion import without_home
@@ -298,11 +300,16 @@ class Engine:
             self._links.through(partial(readout.take, step, after))
             after = None
 
-    def _keep(self, reading: Reading) -> None:
+    def _keep(self, reading: Reading, frames: Sequence[Frame]) -> None:
         if not self._catching_up.compares(reading):
-            self._journal.append(reading, is_planned=self._catching_up.is_planned)
+            stored = self._frame_files.save(frames) if frames else ()
+            self._journal.append(reading, stored, is_planned=self._catching_up.is_planned)
             self._orders.saw(reading)
             self._tell(reading)
+
+    @cached_property
+    def _frame_files(self) -> FrameFiles:
+        return FrameFiles(self._journal.path.parent)
 
     def _tell(self, reading: Reading) -> None:
         self.readings_taken += 1

@@ -165,6 +165,19 @@ class AxisSentAgain(Control):
 
 
 @dataclass(frozen=True)
+class MapsMade(Control):
+    """The pictures of a scan have become maps of so many of its directions; `notes` are what to know of them."""
+
+    made: int
+    of: int
+    folder: str
+    notes: tuple[str, ...] = ()
+
+    def __str__(self) -> str:
+        return "\n".join([f"maps of {self.made} of {self.of} directions are in {self.folder}", *self.notes])
+
+
+@dataclass(frozen=True)
 class PointReduced:
     """All readings of a direction are in and have been reduced."""
 
@@ -261,6 +274,7 @@ Event = (
     | ExposureChanged
     | RequestRefused
     | AxisSentAgain
+    | MapsMade
     | PointReduced
     | NotReached
     | FitUpdated

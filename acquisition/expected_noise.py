@@ -5,7 +5,6 @@ The covariances come from `Reduction` itself, so that what is predicted is what 
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
@@ -45,8 +44,7 @@ class Detection:
 
     def power_w(self, stokes: FloatArray, exit_deg: float, analyzer: AnalyzerState) -> float:
         """Mean power of a reading of light S0 to S3 in 1/sr through an analyzer."""
-        arriving_w = self.radiometry.beam_power_w * self.radiometry.acceptance_sr * math.cos(math.radians(exit_deg))
-        return self.dark_w + arriving_w * float(analyzer.row() @ stokes)
+        return self.dark_w + self.radiometry.arriving_w(exit_deg) * float(analyzer.row() @ stokes)
 
 
 def light_of(surface: Surface | Acceptance) -> Light:

@@ -7,23 +7,27 @@ docs/decisions/journal.md says why.
 from __future__ import annotations
 
 import sqlite3
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import astuple, dataclass
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
 
+from acquisition.imaging.frame_files import StoredFrame
 from acquisition.interruption import Interruption
 from acquisition.journal_damage import damage, readable_part
 from acquisition.journal_schema import (
     APPEND,
+    APPEND_FRAME,
     COLUMNS,
     CREATE,
     FORMAT,
+    FRAME_COLUMNS,
     INTERRUPTED,
     INTERRUPTIONS,
     KNOWN,
     MISSING,
+    WITH_FRAMES,
     WITHOUT_PLAN,
 )
 from acquisition.readings import Reading
@@ -35,6 +39,8 @@ STOPPED = "stopped"
 LINK_LOST = "link lost"
 """How the keys of `about` begin under which stand the links that were lost, and taken up again."""
 _SAFE = "PRAGMA synchronous=FULL"
+_IDS = "SELECT id FROM readings ORDER BY id"
+_FRAMES = f"SELECT reading, {', '.join(FRAME_COLUMNS)} FROM frames ORDER BY rowid"  # noqa: S608 (names are ours)
 
 
 @dataclass(frozen=True)
@@ -152,13 +158,15 @@ class Journal:
             raise
         return journal
 
-    def append(self, reading: Reading, *, is_planned: bool = True) -> None:
+    def append(self, reading: Reading, frames: Sequence[StoredFrame] = (), *, is_planned: bool = True) -> None:
         """Store one reading; when this returns it is on disk.
 
         Parameters
         ----------
         reading : Reading
             What was read.
+        frames : sequence of StoredFrame
+            Its pictures, whose files are there already.
         is_planned : bool
             Whether the recipe's plan has it, or it was taken besides because the scan was interrupted.
 
@@ -168,7 +176,13 @@ class Journal:
             When it cannot be stored; everything stored before stays readable.
         """
         try:
-            self._connection.execute(APPEND, (*astuple(reading), is_planned))
+            if not frames:
+                self._connection.execute(APPEND, (*astuple(reading), is_planned))
+                return
+            with self._connection:  # all of it, or nothing
+                self._connection.execute("BEGIN")
+                row = self._connection.execute(APPEND, (*astuple(reading), is_planned)).lastrowid
+                self._connection.executemany(APPEND_FRAME, [(row, *astuple(frame)) for frame in frames])
         except sqlite3.Error as error:
             raise JournalError(
                 f"{self.path}: reading at point {reading.point} could not be stored: {error}. "
@@ -234,6 +248,15 @@ class Journal:
     def readings(self) -> tuple[Reading, ...]:
         """All stored readings, in the order they were taken."""
         return tuple(Reading(*row) for row in self._rows(self._select))
+
+    def frames(self) -> tuple[tuple[StoredFrame, ...], ...]:
+        """The pictures of each stored reading, in the order of `readings`; none of what was read without a camera."""
+        of_readings: dict[int, list[StoredFrame]] = {int(row[0]): [] for row in self._rows(_IDS)}
+        if self._stored in WITH_FRAMES:
+            for reading, *row in self._rows(_FRAMES):
+                if reading in of_readings:
+                    of_readings[reading].append(StoredFrame(*row))
+        return tuple(map(tuple, of_readings.values()))
 
     def about(self) -> dict[str, str]:
         """Recipe, rig and scene texts, versions, seed."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import fields
 
+from acquisition.imaging.frame_files import StoredFrame
 from acquisition.readings import Reading
 
 _ADDED: dict[str, tuple[str, ...]] = {
@@ -12,6 +13,7 @@ _ADDED: dict[str, tuple[str, ...]] = {
     "3": (),  # what was planned, and interruptions
     "4": ("exit_azimuth_deg", "generator_slot", "generator_deg", "generator_retarder_deg", "generator_retardance_deg"),
     "5": ("wavelength_nm", "analyzer_sweep_deg", "retarder_sweep_deg"),
+    "6": (),  # pictures
 }
 """Columns of a reading that each format has beside those of the one before."""
 
@@ -24,6 +26,18 @@ MISSING = {known: tuple(name for later, names in _ADDED.items() if later > known
 WITHOUT_PLAN = ("1", "2")
 """Formats that do not say which readings were planned."""
 
+WITH_FRAMES = ("6",)
+"""Formats that can hold pictures."""
+
+FRAME_COLUMNS = tuple(field.name for field in fields(StoredFrame))
+_FRAME_TYPES = {
+    "file": "TEXT NOT NULL",
+    "bits": "INTEGER",
+    "number": "INTEGER",
+    "crc32": "INTEGER",
+    "averaged": "INTEGER",
+}
+
 _TYPES = {"point": "INTEGER", "kind": "TEXT", "repeat": "INTEGER", "slot": "INTEGER", "generator_slot": "INTEGER"}
 CREATE = (
     "CREATE TABLE about (key TEXT PRIMARY KEY, value TEXT NOT NULL) STRICT",
@@ -32,6 +46,10 @@ CREATE = (
     {", ".join(f"{name} {_TYPES.get(name, 'REAL')}" for name in COLUMNS)},
     is_planned INTEGER NOT NULL,
     stored_at TEXT NOT NULL DEFAULT (strftime('%Y-%m-%dT%H:%M:%fZ', 'now'))
+) STRICT""",
+    f"""CREATE TABLE frames (
+    reading INTEGER NOT NULL REFERENCES readings (id),
+    {", ".join(f"{name} {_FRAME_TYPES.get(name, 'REAL')}" for name in FRAME_COLUMNS)}
 ) STRICT""",
     """CREATE TABLE interruptions (
     id INTEGER PRIMARY KEY,
@@ -45,6 +63,10 @@ CREATE = (
 APPEND = (
     f"INSERT INTO readings ({', '.join(COLUMNS)}, is_planned) "  # noqa: S608 (names are ours)
     f"VALUES ({', '.join('?' * (len(COLUMNS) + 1))})"
+)
+APPEND_FRAME = (
+    f"INSERT INTO frames (reading, {', '.join(FRAME_COLUMNS)}) "  # noqa: S608 (names are ours)
+    f"VALUES (?, {', '.join('?' * len(FRAME_COLUMNS))})"
 )
 INTERRUPTED = """INSERT INTO interruptions (readings, last_stored_at, why, resumed_at, resumed_with) VALUES (
     (SELECT count(*) FROM readings),

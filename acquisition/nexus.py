@@ -52,6 +52,7 @@ def write_nexus(
     fit: FitResult | None,
     noise: NoiseModel,
     provenance: Mapping[str, str],
+    more: Sequence[Callable[[h5py.Group], None]] = (),
 ) -> None:
     """Write a scan so that a NeXus viewer opens it on S0 against the exit angle, with DoLP and AoLP beside it.
 
@@ -71,6 +72,8 @@ def write_nexus(
         The detector's, for the errors of the raw readings; those at another wavelength have the photons of theirs.
     provenance : mapping of str to str
         Texts to keep with the data: recipe, rig, scene, versions, seed. `started` is needed to declare the definition.
+    more : sequence of callable
+        Called with the entry, to write more into it.
 
     Raises
     ------
@@ -105,6 +108,8 @@ def write_nexus(
         if fit is not None:
             _write_fit(entry, fit)
         _write_provenance(entry, provenance)
+        for write in more:
+            write(entry)
 
 
 def _write_instrument(entry: h5py.Group, readings: Sequence[Reading], noise: NoiseModel) -> None:

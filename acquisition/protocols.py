@@ -8,6 +8,9 @@ from __future__ import annotations
 
 from typing import Protocol, runtime_checkable
 
+from drivers.camera.frame import Frame
+from drivers.camera.region import RegionMean
+
 
 class Reachable(Protocol):
     """What every device has: a link that may be lost."""
@@ -111,7 +114,7 @@ class Detector(Reachable, TakesExposures, Protocol):
     def is_exposing(self) -> bool:
         """Whether the reading still needs the light; afterwards the bench may move, `is_reading` or not.
 
-        A detector that then finds the reading in doubt takes it again, and `is_reading` is true once more.
+        A detector that then finds the reading in doubt takes it again, and needs the light once more.
         """
         ...
 
@@ -121,4 +124,28 @@ class Detector(Reachable, TakesExposures, Protocol):
 
     def power_w(self) -> float:
         """The finished reading; raises DeviceFaultError when the detector was saturated."""
+        ...
+
+
+@runtime_checkable
+class Camera(Detector, Protocol):
+    """A detector that takes pictures: its power is the mean over a region of them."""
+
+    def read(self) -> RegionMean:
+        """Mean and variance over its region of the finished reading; raises as `power_w` does."""
+        ...
+
+    def frame(self) -> Frame:
+        """The picture of the finished reading, saturated or not; raises ReplyError when there is none."""
+        ...
+
+
+@runtime_checkable
+class TakesFrames(Protocol):
+    """A detector whose readings are pictures, to be stored with them."""
+
+    used_s: float
+
+    def frames(self) -> tuple[Frame, ...]:
+        """The pictures of the finished reading; its power comes from one that was exposed for `used_s`."""
         ...

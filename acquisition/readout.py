@@ -7,14 +7,17 @@ leaves as soon as the last reading of a step has all its light; that one is conf
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from acquisition.expand import Step, Target
 from acquisition.orders import Orders
 from acquisition.placement import Astray, Placement
+from acquisition.protocols import TakesFrames
 from acquisition.readings import Reading
 from acquisition.signal_to_noise import Enough, as_planned
 from acquisition.timing import DUE_POLL_S, READING_POLL_S
+from drivers.camera.frame import Frame
 from drivers.clock import Clock
 
 if TYPE_CHECKING:
@@ -40,7 +43,7 @@ class Readout:
     clock : Clock
         The bench's clock.
     keep : callable
-        Called with each reading that is confirmed, to store it.
+        Called with each reading that is confirmed, and its pictures, to store them.
     placement : Placement
         Brings the bench where a step wants it.
     wait : callable
@@ -55,7 +58,7 @@ class Readout:
         self,
         bench: Bench,
         clock: Clock,
-        keep: Callable[[Reading], None],
+        keep: Callable[[Reading, Sequence[Frame]], None],
         placement: Placement,
         wait: Callable[[float], None],
         orders: Orders,
@@ -102,7 +105,7 @@ class Readout:
 
     def _take(self, step: Step, after: Target | None) -> None:
         self._placement.arrive(step.target)
-        taken: Reading | None = None
+        taken: _Taken | None = None
         for repeat in range(len(self._powers_w), step.readings):
             if self._orders.are_waiting:
                 if taken is not None:
@@ -122,7 +125,7 @@ class Readout:
             if self._is_taken_again() and leaves:
                 return
             taken = self._judged(step, repeat, time_s, angles_deg)
-            is_enough = taken is not None and self._enough(step, [*self._powers_w, taken.power_w])
+            is_enough = taken is not None and self._enough(step, [*self._powers_w, taken.reading.power_w])
             if is_enough and not is_last and after is not None and not self._orders.are_waiting:
                 leaves = True
                 failure = self._placement.departure(after)
@@ -162,23 +165,36 @@ class Readout:
         while self._detector.is_exposing() or self._detector.is_reading():
             self._wait(READING_POLL_S)
 
-    def _judged(self, step: Step, repeat: int, time_s: float, angles_deg: tuple[float, ...]) -> Reading | None:
-        taken = step, repeat, time_s, angles_deg
-        return self._orders.judged(time_s, lambda: reading_of(*taken, self._detector.power_w()))
+    def _judged(self, step: Step, repeat: int, time_s: float, angles_deg: tuple[float, ...]) -> _Taken | None:
+        taken, detector = (step, repeat, time_s, angles_deg), self._detector
+        reading = self._orders.judged(time_s, lambda: reading_of(*taken, detector.power_w()))
+        if reading is None:
+            return None
+        if isinstance(detector, TakesFrames):
+            return _Taken(replace(reading, exposure_s=detector.used_s), detector.frames())
+        return _Taken(reading)
 
     def _is_taken_again(self) -> bool:
-        """Wait for the reading to be confirmed; True when the detector had to take it again."""
+        """Wait for the reading to come and be confirmed; True when the detector had to take it again."""
         is_again = False
         while self._detector.is_reading():
-            is_again = True
+            is_again |= self._detector.is_exposing()
             self._wait(READING_POLL_S)
         return is_again
 
-    def _keep(self, step: Step, reading: Reading) -> None:
+    def _keep(self, step: Step, taken: _Taken) -> None:
         """Keep a reading, unless analyzer, generator or filters have left their slots."""
         self._placement.require_slots(step.target)
-        self._keep_reading(reading)
-        self._powers_w.append(reading.power_w)
+        self._keep_reading(taken.reading, taken.frames)
+        self._powers_w.append(taken.reading.power_w)
+
+
+@dataclass(frozen=True)
+class _Taken:
+    """A finished reading, and its pictures if the detector takes any."""
+
+    reading: Reading
+    frames: tuple[Frame, ...] = ()
 
 
 def reading_of(step: Step, repeat: int, time_s: float, angles_deg: tuple[float, ...], power_w: float) -> Reading:

@@ -17,6 +17,7 @@ from acquisition.exit_angles import ExitRange as ExitRange
 from acquisition.fit_choice import FitChoice as FitChoice
 from acquisition.fit_choice import ParameterName
 from acquisition.generator_choice import generator_faults, generator_settings, purpose_faults
+from acquisition.imaging.choice import Imaging, imaging_faults
 from acquisition.lamp_level import LARGEST_CHANGE
 from acquisition.recipe_directions import RecipeDirections
 from acquisition.rotation import AnalyzerRotation, rotation_faults
@@ -135,6 +136,9 @@ class Recipe(RecipeDirections):
         default=None, description="when the scan waits by itself until a reading is beyond doubt; leave out for never"
     )
     fit: FitChoice = Field(description="what to fit to the Stokes parameters")
+    imaging: Imaging | None = Field(
+        default=None, description="which maps to make of a camera's pictures; leave out for none"
+    )
     until: Annotated[dict[ParameterName, StandardError], Field(min_length=1)] | None = Field(
         default=None,
         description="standard errors wanted of free parameters: the scan ends once they are reached, and is repeated "
@@ -229,6 +233,11 @@ class Recipe(RecipeDirections):
     @model_validator(mode="after")
     def _check_wavelengths(self) -> Self:
         refuse_all(wavelength_faults(self))
+        return self
+
+    @model_validator(mode="after")
+    def _check_imaging(self) -> Self:
+        refuse_all(imaging_faults(self))
         return self
 
     @model_validator(mode="after")

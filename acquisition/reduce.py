@@ -4,10 +4,11 @@ A reading of power P behind an analyzer with the row a, in the direction (incide
 
     P = dark + beam_power · acceptance · cos(exit) · lamp · [a0 S0 + a1 S1 + a2 S2 + a3 S3]
 
-with S in 1/sr; for a polarizer at psi, a = ½ [1, cos 2psi, sin 2psi, 0]. The Stokes parameters and the dark power of a
-direction are solved for together, so that the noise of the dark readings is carried into the covariance. S3 is among
-them where any of the analyzer's states depends on it, and otherwise is not spoken of. `lamp` is the reference readings'
-ratio to their first at the time of the reading, 1 without any. The readings of a direction need not follow one another.
+with S in 1/sr; for a polarizer at psi, a = ½ [1, cos 2psi, sin 2psi, 0]. A camera, whose pixels see a part of the spot,
+reads without the cosine. The Stokes parameters and the dark power of a direction are solved for together, so that the
+noise of the dark readings is carried into the covariance. S3 is among them where any of the analyzer's states depends
+on it, and otherwise is not spoken of. `lamp` is the reference readings' ratio to their first at the time of the
+reading, 1 without any. The readings of a direction need not follow one another.
 
 Where a generator polarizes the light on the sample, S = M g with the light's Stokes parameters g, of S0 = 1, and the
 elements of M are solved for in the same way: their first column is what unpolarized light would give.
@@ -40,10 +41,20 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Radiometry:
-    """What turns power into 1/sr: the beam's power in W and the detector's acceptance in sr."""
+    """What turns power into 1/sr: the beam's power in W and the detector's acceptance in sr.
+
+    A detector `sees_whole_spot`, whose projected area shrinks with the cosine of the exit angle, or, as the pixels of a
+    camera do, an area of its own within a larger spot: then `beam_power_w` is what falls on that area straight below.
+    """
 
     beam_power_w: float
     acceptance_sr: float
+    sees_whole_spot: bool = True
+
+    def arriving_w(self, exit_deg: float) -> float:
+        """Power that a reflectance of 1/sr sends to the detector."""
+        projected = math.cos(math.radians(exit_deg)) if self.sees_whole_spot else 1.0
+        return self.beam_power_w * self.acceptance_sr * projected
 
 
 class Reduction:
@@ -212,7 +223,7 @@ class Reduction:
         self._refuse_undetermined(readings)
         exit_deg = float(np.mean([reading.exit_deg for reading in signals]))
         levels, of_levels = lamp.at([reading.time_s for reading in signals])
-        scale_w = self._radiometry.beam_power_w * self._radiometry.acceptance_sr * math.cos(math.radians(exit_deg))
+        scale_w = self._radiometry.arriving_w(exit_deg)
         lit = np.array([reading.kind == "signal" for reading in readings])
         rows, columns, matrix = self._design_matrix(readings)
         count = rows * columns

@@ -162,16 +162,21 @@ class JointTiming:
 
 @dataclass(frozen=True)
 class DetectorTiming:
-    """A detector that needs `overhead_s` for each reading, besides its exposure; more if that is a single sample."""
+    """A detector that needs `overhead_s` for each reading, besides its exposure; more if that is a single sample.
+
+    `exposures` are those of one reading, one after the other, over the longest of them.
+    """
 
     overhead_s: float = READING_S
     sample_s: float = 0.0
     single_s: float = 0.0
+    exposures: tuple[float, ...] = (1.0,)
 
     def reading_s(self, exposure_s: float) -> float:
         """Duration of a reading."""
         is_single = exposure_s < 1.5 * self.sample_s
-        return exposure_s + self.overhead_s + (self.single_s if is_single else 0.0)
+        single_s = self.single_s if is_single else 0.0
+        return sum(self.exposures) * exposure_s + len(self.exposures) * self.overhead_s + single_s
 
 
 @dataclass(frozen=True)

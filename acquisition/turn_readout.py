@@ -20,6 +20,7 @@ from acquisition.steps import Step, Target
 from acquisition.stopping import require_rest
 from acquisition.timing import DUE_POLL_S, READING_POLL_S
 from acquisition.turn import Turn
+from drivers.camera.frame import Frame
 from drivers.clock import Clock
 from goniometer.errors import LimitError
 
@@ -47,7 +48,7 @@ class TurnReadout:
         self,
         bench: Bench,
         clock: Clock,
-        keep: Callable[[Reading], None],
+        keep: Callable[[Reading, Sequence[Frame]], None],
         placement: Placement,
         wait: Callable[[float], None],
         orders: Orders,
@@ -128,7 +129,7 @@ class TurnReadout:
             self._confirm(turn)
         turn.require_even()
         for reading in turn.readings():
-            self._keep_reading(reading)
+            self._keep_reading(reading, ())
             self._there += 1
         self._told_s = step.exposure_s
         if not self.has_all(step):
@@ -167,7 +168,7 @@ class TurnReadout:
         """Finish a reading; one that the detector had to take again was taken at another angle, and is left out."""
         is_again, detector = False, self._bench.detector
         while detector.is_reading():
-            is_again = True
+            is_again |= detector.is_exposing()
             self._wait(READING_POLL_S)
         if is_again:
             return

@@ -8,6 +8,7 @@ from dataclasses import astuple, replace
 
 import pytest
 
+from acquisition.imaging.frame_files import StoredFrame
 from acquisition.journal import Journal
 from acquisition.readings import Reading
 from goniometer.errors import JournalError
@@ -39,7 +40,7 @@ def test_readings_come_back_as_they_were(tmp_path):
             journal.append(one)
     with Journal.open(tmp_path / "j") as journal:
         assert journal.readings() == tuple(taken)
-        assert journal.about() == {**ABOUT, "format": "5"}
+        assert journal.about() == {**ABOUT, "format": "6"}
 
 
 def test_the_retarder_comes_back_too(tmp_path):
@@ -141,9 +142,9 @@ def test_exit_azimuth_and_wavelength_come_back(tmp_path):
 
 def test_a_journal_of_a_later_version_is_refused_with_its_format(tmp_path):
     with Journal.create(tmp_path / "j", ABOUT) as journal:
-        journal._connection.execute("UPDATE about SET value = '6' WHERE key = 'format'")
+        journal._connection.execute("UPDATE about SET value = '7' WHERE key = 'format'")
     with pytest.raises(
-        JournalError, match=r"has journal format 6; this version of goniometer reads 1, 2, 3, 4 and 5\."
+        JournalError, match=r"has journal format 7; this version of goniometer reads 1, 2, 3, 4, 5 and 6\."
     ):
         Journal.open(tmp_path / "j")
 
@@ -249,3 +250,38 @@ def test_a_journal_is_begun_whole_or_not_at_all(tmp_path, monkeypatch):
     monkeypatch.undo()
     with pytest.raises(JournalError, match="cut off before its first step"):
         Journal.open(tmp_path / "j")
+
+
+FRAMES = tuple(StoredFrame(f"frames/{number:06d}.png", 12, 0.1, 6.0, 3.5 + number, number, 4242) for number in range(3))
+
+
+def test_the_pictures_of_each_reading_come_back_with_it(tmp_path):
+    with Journal.create(tmp_path / "j", ABOUT) as journal:
+        journal.append(reading(0), FRAMES[:2])
+        journal.append(reading(1))
+        journal.append(reading(2), [replace(FRAMES[2], number=None)])
+    with Journal.open(tmp_path / "j") as journal:
+        assert journal.readings() == (reading(0), reading(1), reading(2))
+        assert journal.frames() == (FRAMES[:2], (), (replace(FRAMES[2], number=None),))
+
+
+def test_a_reading_and_its_pictures_are_stored_together_or_not_at_all(tmp_path):
+    with Journal.create(tmp_path / "j", ABOUT) as journal:
+        journal.append(reading(0), FRAMES[:1])
+        with pytest.raises(JournalError, match="could not be stored"):
+            journal.append(reading(1), [FRAMES[1], replace(FRAMES[2], bits="twelve")])
+        journal.append(reading(2), FRAMES[2:])
+        assert journal.readings() == (reading(0), reading(2))
+        assert journal.frames() == (FRAMES[:1], FRAMES[2:])
+
+
+def test_a_journal_from_before_cameras_has_no_pictures(tmp_path):
+    """As the fifth format was written: without their table."""
+    with Journal.create(tmp_path / "j", ABOUT) as journal:
+        journal.append(reading(0))
+        journal.append(reading(1))
+    with closing(sqlite3.connect(tmp_path / "j", isolation_level=None)) as connection:
+        connection.execute("DROP TABLE frames")
+        connection.execute("UPDATE about SET value = '5' WHERE key = 'format'")
+    with Journal.open(tmp_path / "j") as journal:
+        assert journal.frames() == ((), ())

@@ -1,0 +1,1 @@
+"""Imaging polarimetry: from camera frames to Stokes parameters of every pixel of the sample."""
