@@ -22,6 +22,10 @@ class Analyzer(Protocol):
         """First row of its Mueller matrix; None while it lets no light through."""
         ...
 
+    def polarizer_deg(self, time_s: float) -> float | None:
+        """Where its polarizer stands, which a camera sees when it is no plane plate; None where there is none."""
+        ...
+
 
 class WheelAnalyzer:
     """A wheel whose slots hold polarizers, nothing, or a lid.
@@ -42,12 +46,17 @@ class WheelAnalyzer:
     """
 
     def __init__(self, slots: Mapping[int, float | Literal["open", "blocked"]], turns: int = 0) -> None:
-        self.wheel = Wheel(turns)
+        self.wheel, self._slots = Wheel(turns), slots
         self.rows = {slot: analyzer_row(holds) for slot, holds in slots.items()}
 
     def row(self, time_s: float) -> Row | None:
         """The row of the slot in the beam; None while the wheel turns."""
         return self.rows.get(self.wheel.slot(time_s) or 0)
+
+    def polarizer_deg(self, time_s: float) -> float | None:
+        """Where the polarizer in the beam stands; None where there is none."""
+        held = self._slots.get(self.wheel.slot(time_s) or 0)
+        return None if isinstance(held, str) else held
 
 
 class RotatingPolarizer:
@@ -74,6 +83,10 @@ class RotatingPolarizer:
         if row is None or self._retarder_deg is None:
             return row
         return behind_retarder(row, self._retarder_deg(time_s), self._retardance_deg)
+
+    def polarizer_deg(self, time_s: float) -> float | None:
+        """Where the polarizer stands."""
+        return self._polarizer_deg(time_s)
 
 
 def analyzer_row(slot: float | Literal["open", "blocked"]) -> Row | None:

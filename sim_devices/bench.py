@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from types import TracebackType
 
 from goniometer.errors import DeviceFaultError
@@ -38,6 +39,8 @@ class Bench:
         The time it runs on.
     past : Past
         What it has been through before.
+    folder : Path
+        Where relative paths in the scene begin.
 
     Attributes
     ----------
@@ -49,9 +52,15 @@ class Bench:
         Where what goes wrong is switched on; those of the scene are from the start.
     """
 
-    def __init__(self, scene: Scene, clock: BenchClock, past: Past = Past()) -> None:  # noqa: B008 (frozen)
+    def __init__(
+        self,
+        scene: Scene,
+        clock: BenchClock,
+        past: Past = Past(),  # noqa: B008 (frozen)
+        folder: Path = Path(),
+    ) -> None:
         self.clock = clock
-        self.world = World(scene, past)
+        self.world = World(scene, past, folder)
         self.addresses: dict[str, Address] = {}
         self._reactor = Reactor(clock)
         self._ports: dict[str, Device] = {}

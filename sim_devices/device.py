@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from typing import Protocol, TypeAlias, runtime_checkable
 
@@ -15,6 +16,31 @@ Due: TypeAlias = "tuple[float, bytes | Later]"
 
 # Lets all clients of a device hear bytes at a time, when something happens to it that none of them asked for.
 Tell: TypeAlias = Callable[[float, bytes], None]
+
+
+def hang_up(time_s: float) -> Sequence[Due]:
+    """A `Later` with which a device ends a connection, once all that it said before has been sent."""
+    return ()
+
+
+class Passing(ABC):
+    """A `Later` of which a newer one takes the place: nothing is said late, nor to a client that is behind.
+
+    Attributes
+    ----------
+    patience_s : float
+        What is later than that is passed.
+    """
+
+    patience_s: float
+
+    @abstractmethod
+    def __call__(self, due_s: float) -> Sequence[Due]:
+        """What is said at its time, and what may follow."""
+
+    @abstractmethod
+    def passed(self, now_s: float) -> Sequence[Due]:
+        """What may follow, when it has not been said."""
 
 
 def unheard(time_s: float, data: bytes) -> None:

@@ -11,50 +11,14 @@ from pydantic import Field, model_validator
 from model import materials
 from sim_devices.bench_devices.entry import AxisRole, SimulatedDevice
 from sim_devices.bench_devices.filters import FilterDevice
+from sim_devices.bench_devices.http_camera import camera_faults
 from sim_devices.bench_devices.known import AnyDevice
+from sim_devices.camera.plate import Plate
 from sim_devices.contact import Bodies
 from sim_devices.effects.known import AnyEffect
 from sim_devices.faults.known import AnyFault
+from sim_devices.sample import Sample
 from sim_devices.scene_part import ScenePart
-
-
-class Index(ScenePart):
-    """Complex refractive index n + ik."""
-
-    n: float = Field(ge=1e-3, le=20, description="real part")
-    k: float = Field(ge=0, le=20, description="imaginary part, 0 for a transparent material")
-
-
-class Sample(ScenePart):
-    """The surface in the beam: rms slope `sigma`, the weights of its three lobes, and its material or its index."""
-
-    material: str | None = Field(default=None, description="a material of the table, for example Fe; or write index")
-    index: Index | None = Field(default=None, description="refractive index n + ik; or write material")
-    sigma: float = Field(ge=1e-5, le=2, description="roughness: rms slope per axis")
-    asymmetry: float = Field(
-        default=0.0, ge=0, le=0.99, description="a of grooves whose walls have slopes t(1 + a) and t(1 - a)"
-    )
-    bounces: int = Field(default=1, ge=1, le=12, description="reflections inside the grooves that are followed")
-    rho_s: float = Field(ge=0, le=10, description="weight of the specular lobe")
-    rho_d: float = Field(ge=0, le=10, description="weight of the diffuse lobe")
-    rho_dd: float = Field(ge=0, le=10, description="weight of the directional diffuse lobe")
-
-    @model_validator(mode="after")
-    def _has_one_index(self) -> Sample:
-        if (self.material is None) == (self.index is None):
-            raise ValueError("a sample needs a material or an index, and exactly one of the two")
-        if self.material is not None and self.material not in materials.names():
-            known = ", ".join(materials.names())
-            raise ValueError(
-                f"the material {self.material!r} is not known; known are {known}; for another give index: {{n, k}}"
-            )
-        return self
-
-    @model_validator(mode="after")
-    def _reflects(self) -> Sample:
-        if self.rho_s == self.rho_d == self.rho_dd == 0:
-            raise ValueError("rho_s, rho_d and rho_dd are all 0: such a sample reflects nothing; raise at least one")
-        return self
 
 
 class Lamp(ScenePart):
@@ -82,6 +46,9 @@ class Scene(ScenePart):
     devices: dict[str, AnyDevice] = Field(description="the devices, each under the name it has in the rig")
     start_deg: dict[AxisRole, float] = Field(
         default_factory=dict, description="where axes stand when the bench is switched on, in degrees; 0 if not named"
+    )
+    plate: Plate | None = Field(
+        default=None, description="what lies in the sample plane before a camera, which needs it"
     )
     bodies: Bodies | None = Field(
         default=None, description="how much room the arms take; without it they pass through each other"
@@ -133,7 +100,9 @@ class Scene(ScenePart):
             (analyzer,) = (device for device in self.devices.values() if device.part == "analyzer")
             slots = getattr(analyzer, "slots", {})
             faults += [fault for part in self.effects for fault in part.faults(slots)]
+        faults += camera_faults(self.devices.values(), self.plate, self.effects)
         faults += [objection for fault in self.faults for objection in fault.objections(self.devices)]
+        faults += [objection for fault in self.faults for objection in fault.objections_of(self.plate)]
         if self.sample.bounces > 1 and "acceptance_cone" not in named:
             faults.append(
                 f"light of {self.sample.bounces} bounces has a pole in the mirror direction, which only the mean over "
@@ -159,10 +128,7 @@ class Scene(ScenePart):
 
     def index(self, wavelength_nm: float | None = None) -> complex:
         """Refractive index n + ik of the sample at a wavelength; without one, at the first that there is."""
-        if self.sample.index is not None:
-            return complex(self.sample.index.n, self.sample.index.k)
-        assert self.sample.material is not None
-        return materials.index(self.sample.material, wavelength_nm or self.wavelengths_nm()[0])
+        return self.sample.index_at(wavelength_nm or self.wavelengths_nm()[0])
 
     def truth(self, wavelength_nm: float | None = None) -> dict[str, float]:
         """The parameters that a fit of this scene should find at a wavelength, as `index` takes it.

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from pathlib import Path
 
 import numpy as np
 
 from model.acceptance import Acceptance
 from model.geometry import in_plane
-from model.lobes import Diffuse, Directional, Specular
 from model.mueller import UNPOLARIZED
 from model.surface import Surface
 from sim_devices.analyzer import Analyzer, Row
@@ -42,6 +42,8 @@ class World:
         What the bench holds. Every axis starts at 0 deg and a wheel at slot 1.
     past : Past
         What it has been through before.
+    folder : Path
+        Where relative paths in the scene begin.
 
     Attributes
     ----------
@@ -57,6 +59,8 @@ class World:
         Solid angle that the detector accepts.
     devices : dict of str to Device
         What answers at the devices' ports, by their names in the scene.
+    when_whole : list of callable
+        What devices do once all of them and all effects are in place.
     filters : Filters or None
         What stands between lamp and sample; None where the lamp itself has one wavelength.
     angle_deg : dict of str to callable
@@ -75,8 +79,8 @@ class World:
         Cones over which the sample is averaged; 0 for a single direction.
     """
 
-    def __init__(self, scene: Scene, past: Past = Past()) -> None:  # noqa: B008 (frozen)
-        self.scene, self.past = scene, past
+    def __init__(self, scene: Scene, past: Past = Past(), folder: Path = Path()) -> None:  # noqa: B008 (frozen)
+        self.scene, self.past, self.folder = scene, past, folder
         self.axes: dict[str, Axis] = {}
         self.angle_deg: dict[str, AngleOfTime] = {}
         self.analyzer: Analyzer
@@ -85,6 +89,7 @@ class World:
         self.acceptance_sr: float
         self.filters: Filters | None = None
         self.devices: dict[str, Device] = {}
+        self.when_whole: list[Callable[[], None]] = []
         # a rotating analyzer is carried by an axis that another device puts there
         for name, entry in sorted(scene.devices.items(), key=lambda item: item[1].part != "axes"):
             if (device := entry.install(self)) is not None:
@@ -101,6 +106,8 @@ class World:
         # what was seen last, a Stokes vector or a matrix, which stays as long as the arms and the filter do
         self._seen: tuple[tuple[float, ...], Stokes] | None = None
         self._measurements = past.measurements
+        for act in self.when_whole:
+            act()
 
     def add_axis(self, role: AxisRole, step_deg: float) -> Axis:
         """A new axis in a role of the bench, for the controller that turns it."""
@@ -153,13 +160,19 @@ class World:
             f"Not there, because the scene does not name it: {', '.join(absent) or 'nothing'}."
         )
 
+    def mean_row(self, moment: Moment) -> Row | None:
+        """First row of the analyzer's Mueller matrix over an exposure; None while it lets no light through."""
+        return self.row(moment.middle_s) if self.turning is None else self.turning(self.row, moment)
+
     def _passed_w(self, moment: Moment) -> float:
         """Analyzer row · Stokes; nothing while the wheel turns or its slot holds nothing to look through."""
-        row = self.row(moment.middle_s) if self.turning is None else self.turning(self.row, moment)
+        row = self.mean_row(moment)
         return 0.0 if row is None else max(0.0, float(row @ self.arriving_w(moment)))
 
     def _reflected_w(self, moment: Moment) -> Stokes:
         """What the sample sends to the detector, for the share of the time in which the lamp's light gets through."""
+        if moment.reflected is not None:
+            return moment.reflected
         time_s, lit = moment.middle_s, moment.lit
         if self.filters is not None:
             passed = self.filters.in_beam(time_s)
@@ -215,10 +228,4 @@ def _in_order(effects: Sequence[Effect]) -> list[Effect]:
 
 def surface(scene: Scene, wavelength_nm: float | None = None) -> Surface:
     """The sample's surface at a wavelength, made of those lobes whose weight is not zero; as `Scene.index` takes it."""
-    sample, index = scene.sample, scene.index(wavelength_nm)
-    lobes = (
-        Specular(sample.rho_s, sample.sigma, index, sample.asymmetry, sample.bounces),
-        Diffuse(sample.rho_d, sample.sigma),
-        Directional(sample.rho_dd, sample.sigma, index),
-    )
-    return Surface([lobe for lobe in lobes if lobe.weight > 0])
+    return scene.sample.surface(wavelength_nm or scene.wavelengths_nm()[0])

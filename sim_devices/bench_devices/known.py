@@ -8,6 +8,7 @@ from pydantic import Field
 
 from sim_devices.bench_devices.entry import SimulatedDevice
 from sim_devices.bench_devices.filters import ThorlabsFw102cFiltersDevice
+from sim_devices.bench_devices.http_camera import HttpCameraDevice
 from sim_devices.bench_devices.newport_esp301 import NewportEsp301Device
 from sim_devices.bench_devices.offers import names_of, offers
 from sim_devices.bench_devices.oriental_az import OrientalAzDevice
@@ -24,6 +25,7 @@ GROUP = "goniometer.sim_devices"
 """The entry point group in which another package names its `SimulatedDevice` classes."""
 
 _OWN: tuple[type[SimulatedDevice], ...] = (
+    HttpCameraDevice,
     NewportEsp301Device,
     OrientalAzDevice,
     RotatingGeneratorDevice,

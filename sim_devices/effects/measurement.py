@@ -23,10 +23,33 @@ class Moment:
         Its length.
     lit : float
         Share of it in which a chopper lets the lamp's light through, 0 to 1.
+
+    Attributes
+    ----------
+    reflected : ndarray or None
+        Stokes vector, (4,), to be taken for what the sample sends; None for what it does send.
     """
+
+    reflected: Stokes | None = None
 
     def __init__(self, middle_s: float, exposure_s: float, lit: float = 1.0) -> None:
         self.middle_s, self.exposure_s, self.lit = middle_s, exposure_s, lit
+
+
+class Trial(Moment):
+    """A moment in which the sample is taken to send given light: what is made of it on its way is found so.
+
+    Parameters
+    ----------
+    moment : Moment
+        When, and for how long.
+    reflected : ndarray
+        Stokes vector, (4,).
+    """
+
+    def __init__(self, moment: Moment, reflected: Stokes) -> None:
+        super().__init__(moment.middle_s, moment.exposure_s, moment.lit)
+        self.reflected = reflected
 
 
 class Expectation:

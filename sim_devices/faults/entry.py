@@ -13,6 +13,7 @@ from sim_devices.bench_devices.entry import AxisRole, SimulatedDevice
 from sim_devices.scene_part import ScenePart
 
 if TYPE_CHECKING:
+    from sim_devices.camera.plate import Plate
     from sim_devices.faults.switchboard import Switchboard
 
 Random = np.random.Generator
@@ -34,6 +35,10 @@ class Fault(ScenePart, ABC):
 
     def objections(self, devices: Mapping[str, SimulatedDevice]) -> tuple[str, ...]:
         """What keeps a bench with these devices from having it."""
+        return ()
+
+    def objections_of(self, plate: Plate | None) -> tuple[str, ...]:
+        """What keeps a bench from having it that has this plate before its camera."""
         return ()
 
     @abstractmethod

@@ -8,7 +8,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
 
-from sim_devices.device import Due, Later, Session
+from sim_devices.device import Due, Later, Passing, Session, hang_up
 from sim_devices.faults.entry import Chunks, Random
 
 _PATIENCE_S = 0.5
@@ -105,6 +105,10 @@ class FaultySession:
             if isinstance(said, bytes):
                 for at_s, chunk in self._port.disturbed(due_s, said):
                     passed += self._enter(at_s, chunk, at_s - due_s)
+            elif said is hang_up:
+                passed.append((max(due_s, self._late[-1][0] if self._late else due_s), said))
+            elif isinstance(said, Passing):
+                passed.append((due_s, _Passing(said, self._said_later)))
             else:
                 passed.append((due_s, partial(self._said_later, said)))
         return passed
@@ -132,3 +136,19 @@ class FaultySession:
         while self._late and self._late[0][0] <= now_s + self._waited_s:
             arrived.append((now_s, self._late.popleft()[1]))
         return arrived
+
+
+class _Passing(Passing):
+    """What passes, through a faulty port."""
+
+    def __init__(self, said: Passing, say: Callable[[Later, float], list[Due]]) -> None:
+        self._said, self._say = said, say
+        self.patience_s = said.patience_s
+
+    def __call__(self, due_s: float) -> Sequence[Due]:
+        """What is said at its time, disturbed."""
+        return self._say(self._said, due_s)
+
+    def passed(self, now_s: float) -> Sequence[Due]:
+        """What may follow, disturbed."""
+        return self._say(self._said.passed, now_s)

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Protocol, runtime_checkable
+from typing import TYPE_CHECKING, Protocol, runtime_checkable
 
 from sim_devices.axis import Axis
+
+if TYPE_CHECKING:
+    from sim_devices.camera.camera import Camera
 
 
 @runtime_checkable
@@ -50,6 +53,13 @@ class HasButton(Protocol):
     def press(self, now_s: float) -> None:
         """Press the button that moves one step forward."""
         ...
+
+
+@runtime_checkable
+class TakesPictures(Protocol):
+    """A device with a camera, of which pictures and files can go wrong."""
+
+    camera: Camera
 
 
 @runtime_checkable

@@ -7,10 +7,21 @@ from typing import TYPE_CHECKING, Annotated, Any, Union
 from pydantic import Field, TypeAdapter
 
 from sim_devices.faults.busy import Busy
+from sim_devices.faults.camera import (
+    FrameCorrupt,
+    FrameCut,
+    FrameDark,
+    FrameDropped,
+    FrameSaturated,
+    FrameStale,
+    FrameTimeShifted,
+    FrameWrongSize,
+)
 from sim_devices.faults.cut_off import CablePulled, PowerCycle
 from sim_devices.faults.entry import Fault
 from sim_devices.faults.garbled import CrcError, Garbled
 from sim_devices.faults.light import DetectorSaturated, LampOff
+from sim_devices.faults.markers import MarkerMisprinted, MarkersHidden
 from sim_devices.faults.modbus_exception import ModbusException
 from sim_devices.faults.motion import LimitHit, LostHome, ResetInMotion, Stall
 from sim_devices.faults.noise import EndlessOutput, Noise, StrayPrompt
@@ -42,6 +53,16 @@ ALL: tuple[type[Fault], ...] = (
     WheelByHand,
     DetectorSaturated,
     LampOff,
+    FrameCorrupt,
+    FrameCut,
+    FrameWrongSize,
+    FrameStale,
+    FrameTimeShifted,
+    FrameDropped,
+    FrameSaturated,
+    FrameDark,
+    MarkersHidden,
+    MarkerMisprinted,
 )
 
 

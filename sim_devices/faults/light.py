@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 from pydantic import Field
 
+from sim_devices.bench_devices.entry import SimulatedDevice
 from sim_devices.effects.measurement import Measurement, Moment, Stokes
 from sim_devices.faults.entry import Fault, Random
 
@@ -36,6 +38,13 @@ class DetectorSaturated(Fault):
 
     fault: Literal["detector_saturated"] = Field(description="the fault's name")
     for_s: float = Field(default=1.0, gt=0, le=1e9, description="how long it lasts, in s")
+
+    def objections(self, devices: Mapping[str, SimulatedDevice]) -> tuple[str, ...]:
+        """Say so where the detector is a camera, whose pixels are told of one by one."""
+        cameras = [name for name, device in devices.items() if device.type == "http_camera"]
+        return tuple(
+            f"the detector {name} is a camera; the fault of its pictures is frame_saturated" for name in cameras
+        )
 
     def strike(self, board: Switchboard, random: Random, time_s: float) -> None:
         """Let every measurement be over the range."""

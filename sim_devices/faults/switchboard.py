@@ -55,6 +55,8 @@ class Switchboard:
         """What keeps this bench from having a fault."""
         if found := fault.objections(self.world.scene.devices):
             return found
+        if found := fault.objections_of(self.world.scene.plate):
+            return found
         name = fault.device_name(self.world.scene.devices)
         device = self.device(name) if name else None
         if name and device is None:

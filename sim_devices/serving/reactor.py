@@ -5,9 +5,10 @@ from __future__ import annotations
 import math
 import threading
 import time
+from collections.abc import Sequence
 
 from goniometer.errors import DeviceFaultError
-from sim_devices.device import Device, Later
+from sim_devices.device import Device, Due, Later, Passing, hang_up
 from sim_devices.serving.agenda import Agenda, Entry
 from sim_devices.serving.clients import Between, Clients
 from sim_devices.serving.clock import BenchClock
@@ -202,7 +203,8 @@ class Reactor:
         if isinstance(entry.said, bytes):
             self._clients.say(link, entry.said, is_reply=entry.is_reply)
             return
-        for due_s, follower in entry.said(entry.due_s):
+        link.has_ended |= entry.said is hang_up
+        for due_s, follower in self._told(link, entry.said, entry.due_s):
             if isinstance(follower, bytes) and due_s <= entry.due_s:
                 # before what was entered later for the same time
                 self._clients.say(link, follower, is_reply=False)
@@ -210,3 +212,11 @@ class Reactor:
                 self._schedule(due_s, link, follower, is_reply=False)
         # one that had too much before it may be listened to again
         self._clients.watch(link)
+
+    def _told(self, link: ServedLink, said: Later, due_s: float) -> Sequence[Due]:
+        """What is said at its time, or what may follow when it is too late for it."""
+        if isinstance(said, Passing):
+            now_s = self._clock.now()
+            if link.is_behind or now_s > due_s + said.patience_s:
+                return said.passed(now_s)
+        return said(due_s)

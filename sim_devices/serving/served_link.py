@@ -39,6 +39,11 @@ class ServedLink:
         """Whether the client has ended and has been answered."""
         return self.has_ended and not self.unsent and not self.scheduled_bytes
 
+    @property
+    def is_behind(self) -> bool:
+        """Whether so much waits for it that nothing is said to it but replies; what is said, is said whole."""
+        return len(self.unsent) >= _MOST_WAITING_BYTES
+
     def schedule(self, said: bytes | Later, count: int = 1) -> None:
         """Note that something is to be said to it; with -1, that it has been."""
         if isinstance(said, bytes):
@@ -56,5 +61,5 @@ class ServedLink:
 
     def take(self, said: bytes, *, is_reply: bool) -> None:
         """Take what is to be sent; what was not asked for is lost on a client that does not read."""
-        if is_reply or len(self.unsent) < _MOST_WAITING_BYTES:
+        if is_reply or not self.is_behind:
             self.unsent += said
