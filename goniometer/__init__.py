@@ -8,6 +8,7 @@ The public face re-exports lazily, so that ``import goniometer`` stays cheap::
     fit            fit a surface model to measured values               (model)
     read           measured values out of a run, NeXus file or table    (goniometer)
     load           a run as an xarray.Dataset                           (goniometer)
+    load_maps      the maps of a run with a camera as another one       (goniometer)
     run            run a recipe                                         (goniometer)
     resume         take a run up again that was cut short               (goniometer)
     simulate       serve a scene as a simulated bench                   (goniometer)
@@ -33,8 +34,21 @@ _PUBLIC = {
     "resume": ("goniometer.resume_run", "resume"),
     "simulate": ("goniometer.bench", "simulate"),
     "load": ("goniometer.labelled", "load"),
+    "load_maps": ("goniometer.labelled_maps", "load_maps"),
 }
-__all__ = ["Dataset", "Surface", "SurfaceFamily", "__version__", "fit", "load", "read", "resume", "run", "simulate"]
+__all__ = [
+    "Dataset",
+    "Surface",
+    "SurfaceFamily",
+    "__version__",
+    "fit",
+    "load",
+    "load_maps",
+    "read",
+    "resume",
+    "run",
+    "simulate",
+]
 
 
 def _refuse_hidden_parts() -> None:

@@ -44,7 +44,7 @@ class LeftOff:
 
 @contextmanager
 def simulate(
-    scene: Scene | str | Path, speed: Speed = 1.0, left_off: LeftOff | None = None
+    scene: Scene | str | Path, speed: Speed = 1.0, left_off: LeftOff | None = None, folder: Path | None = None
 ) -> Iterator[SimulatedBench]:
     """Serve a scene as a simulated bench on loopback while the block lasts.
 
@@ -56,6 +56,8 @@ def simulate(
         Seconds of the bench in a second of real time; "max" is virtual time, where whoever waits moves the clock on.
     left_off : LeftOff, optional
         How a process has left the bench. Virtual time begins at zero all the same, and other time where it was.
+    folder : Path, optional
+        Where the pictures lie that the scene names; the file's own if not given.
 
     Yields
     ------
@@ -68,9 +70,10 @@ def simulate(
         When the scene cannot be used, or the speed is neither a positive number nor "max".
     """
     if not isinstance(scene, Scene):
+        folder = folder or Path(scene).parent
         scene = load_scene(Path(scene)).scene
     clock, past = (_clock(speed), Past()) if left_off is None else (_clock(speed, left_off.ended_s), left_off.past)
-    bench = SimulatedBench(scene, clock, past)
+    bench = SimulatedBench(scene, clock, past, folder or Path())
     bench.start()
     try:
         yield bench
@@ -111,7 +114,8 @@ def access(setup: BenchSetup, speed: Speed | None, left_off: LeftOff | None = No
     elif rig.is_simulated:
         assert setup.scene is not None, "a simulated rig is only accepted with a scene"
         _refuse_haste(setup, speed)
-        with simulate(setup.scene, 1.0 if speed is None else speed, left_off) as bench:
+        folder = None if setup.scene_path is None else setup.scene_path.parent
+        with simulate(setup.scene, 1.0 if speed is None else speed, left_off, folder) as bench:
             yield BenchAccess(bench.clock, served_ports(rig, bench), setup.scene_text)
     else:
         _refuse_speed(speed, setup, "real devices keep their own time")

@@ -12,6 +12,7 @@ from acquisition.expand import HOME, Step, Target
 from acquisition.recipe import Recipe
 from acquisition.settings_matrix import condition, settings_shape
 from goniometer.durations import clock_text
+from goniometer.imaging.pictures import picture_lines
 from goniometer.load_files import Setup
 from goniometer.planning import aim, beginning
 from goniometer.rig_devices.entry import PLACING, Role
@@ -34,6 +35,9 @@ def describe_plan(setup: Setup) -> str:
         *_filters(steps),
         f"travel: {_travel(steps, [role for role in PLACING if role in setup.rig.axes()])}",
         f"data: about {_size(sum(step.readings for step in steps))} in the journal",
+        *picture_lines(
+            setup.recipe, setup.rig, sum(step.readings for step in steps), len({step.point for step in steps})
+        ),
         *_apart(steps),
         "",
     ]

@@ -69,15 +69,24 @@ def move(rig: Path, axis: Role, deg: float, trace: Path | None) -> None:
 @click.option("--exposure", "exposure_s", type=POSITIVE, help="Of one reading, in s; else 0.1.")
 @click.option("--slot", type=int, help="Bring this slot of the analyzer into the beam first.")
 @click.option("--count", type=click.IntRange(1, 100_000), default=5, show_default=True, help="How many readings.")
+@click.option("--picture", type=FILE, metavar="FILE.png", help="Write a camera's last picture, saturated or not.")
 @click.option("--json", "as_json", is_flag=True, help="Print everything as JSON.")
 @TRACE
-def read(rig: Path, exposure_s: float | None, slot: int | None, count: int, as_json: bool, trace: Path | None) -> None:
+def read(
+    rig: Path,
+    exposure_s: float | None,
+    slot: int | None,
+    count: int,
+    picture: Path | None,
+    as_json: bool,
+    trace: Path | None,
+) -> None:
     """Read where every axis stands, the analyzer's slot, and the power at the detector. Moves no axis."""
     from goniometer.bench_commands.measuring import USUAL_EXPOSURE_S
     from goniometer.bench_commands.read import read as read_bench
     from goniometer.plain_json import plain
 
-    reading = read_bench(rig, exposure_s or USUAL_EXPOSURE_S, slot, count, _note, trace=trace)
+    reading = read_bench(rig, exposure_s or USUAL_EXPOSURE_S, slot, count, _note, picture=picture, trace=trace)
     click.echo(json.dumps(plain(reading), indent=2) if as_json else reading)
 
 

@@ -87,11 +87,12 @@ def resume(
     flag_value=Path("-"),
     help="The readings as documents of Bluesky's event model, one a line; without FILE to the standard output.",
 )
-def export(run: Path, pbsdf: Path | None, event_model: Path | None) -> None:
-    """Write a stored run in the format of another program."""
+@click.option("--flat", type=FILE, metavar="FILE", help="Sensitivities of the camera's pixels, from something even.")
+def export(run: Path, pbsdf: Path | None, event_model: Path | None, flat: Path | None) -> None:
+    """Write a stored run in the format of another program, or a file that a rig names."""
     from goniometer.export_run import export_run
 
-    if pbsdf is None and event_model is None:
-        raise click.UsageError("Say what to write: --pbsdf FILE or --event-model [FILE].")
-    for note in export_run(run, pbsdf=pbsdf, event_model=event_model):
+    if pbsdf is None and event_model is None and flat is None:
+        raise click.UsageError("Say what to write: --pbsdf FILE, --event-model [FILE] or --flat FILE.")
+    for note in export_run(run, pbsdf=pbsdf, event_model=event_model, flat=flat):
         click.echo(note, err=True)

@@ -17,6 +17,8 @@ from acquisition.steps import Slots
 from goniometer.analyzer_rotation import rotation_on_rig
 from goniometer.collision_zones import blocked_ways
 from goniometer.errors import ReductionError
+from goniometer.imaging.on_rig import imaging_faults
+from goniometer.imaging.on_scene import marker_faults
 from goniometer.planning import beginning, plan, slots, timing
 from goniometer.rig_devices.entry import PLACING, AnalyzerEntry, Role
 from goniometer.rig_file import Rig
@@ -43,6 +45,7 @@ def recipe_on_rig(recipe: Recipe, file: YamlFile, rig: Rig, rig_path: Path) -> I
             "each side, and more bounces are averaged over it",
         )
     yield from exposure_faults(recipe.exposure_s, file, rig, rig_path)
+    yield from imaging_faults(recipe, file, rig, rig_path)
     yield from filter_faults(recipe.wavelengths_nm(), file, rig, rig_path)
     if rig.is_simulated and recipe.scene is None:
         yield file.fault(
@@ -98,7 +101,7 @@ def _slot_faults(recipe: Recipe, file: YamlFile, rig: Rig, rig_path: Path) -> It
     if recipe.analyzer_rotation is None:
         faults = list(_setting_faults(recipe.settings(), rig.analyzer, "analyzer", file, rig_path))
     else:
-        faults = list(rotation_on_rig(recipe, file, rig, rig_path, timing(rig)))
+        faults = list(rotation_on_rig(recipe, file, rig, rig_path, timing(rig, recipe)))
     faults += _generator_faults(recipe, file, rig, rig_path)
     yield from faults
     if recipe.generator_deg is not None and not faults:
@@ -276,6 +279,7 @@ def scene_on_rig(scene: Scene, file: YamlFile, rig: Rig, rig_path: Path) -> Iter
         else:
             for place, what in rig.devices[name].unlike(device):
                 yield file.fault(("devices", name, *place), f"{what}, as in {rig_path}")
+    yield from marker_faults(scene, file, rig, rig_path)
     for name in rig.devices:
         if name not in scene.devices:
             yield file.fault(("devices",), f"does not hold the device {name}, which {rig_path} has. Add it")

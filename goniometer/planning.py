@@ -43,12 +43,12 @@ def plan(recipe: Recipe, rig: Rig) -> tuple[Step, ...]:
         recipe = recipe.model_copy(update={"direction_within_s": 0.0})
     if recipe.analyzer_rotation is not None:  # one turn ends where the next one begins
         steps = _plan(recipe.model_copy(update={"direction_within_s": 0.0}), rig)
-        return with_rotation(steps, rotation_timing(timing(rig), rotation_of(rig), recipe))
+        return with_rotation(steps, rotation_timing(timing(rig, recipe), rotation_of(rig), recipe))
     return _plan(recipe, rig)
 
 
 def _plan(recipe: Recipe, rig: Rig) -> tuple[Step, ...]:
-    bench_timing = timing_of(recipe, rig, timing(rig))
+    bench_timing = timing_of(recipe, rig, timing(rig, recipe))
     if len(recipe.wavelengths_nm()) > 1:
         of_each = {wavelength_nm: slots(rig, wavelength_nm) for wavelength_nm in recipe.wavelengths_nm()}
         return expand_wavelengths(recipe, of_each, bench_timing)
@@ -62,9 +62,9 @@ def span_s(recipe: Recipe, rig: Rig) -> tuple[float, float]:
     if recipe.averaging is None:
         return longest_s, longest_s
     if recipe.averaging.dolp_error is not None:
-        rounds = Rounds(steps, recipe.averaging, timing(rig), lambda saved_s: None)
+        rounds = Rounds(steps, recipe.averaging, timing(rig, recipe), lambda saved_s: None)
         return rounds.shortest_s(), rounds.longest_s()
-    reading_s, least = timing(rig).readings_s, recipe.averaging.at_least
+    reading_s, least = timing(rig, recipe).readings_s, recipe.averaging.at_least
     spared_s = (reading_s(step.readings, step.exposure_s) - reading_s(least, step.exposure_s) for step in steps)
     return longest_s - sum(spared_s), longest_s
 
@@ -85,7 +85,7 @@ def beginning(recipe: Recipe, rig: Rig) -> tuple[Step, ...]:
     """The steps that are known beforehand: of an adaptive scan the first ones, else every exit angle once."""
     if not recipe.adaptive:
         return plan(recipe, rig)
-    visits = Visits(recipe, slots(rig, recipe.one_wavelength_nm), timing(rig))
+    visits = Visits(recipe, slots(rig, recipe.one_wavelength_nm), timing(rig, recipe))
     steps: list[Step] = []
     family = surface_family(recipe.fit, rig.calibration.acceptance_sr)
     for point, exit_deg in enumerate(first_exits_deg(recipe, family)):
@@ -108,10 +108,10 @@ def course(
     has taken before.
     """
     if recipe.averaging is not None and recipe.averaging.dolp_error is not None:
-        return Rounds(plan(recipe, rig), recipe.averaging, timing(rig), saved, decisions)
+        return Rounds(plan(recipe, rig), recipe.averaging, timing(rig, recipe), saved, decisions)
     if not recipe.follows_fit:
         return Listed(plan(recipe, rig))
-    visits = Visits(recipe, slots(rig, recipe.one_wavelength_nm), timing(rig))
+    visits = Visits(recipe, slots(rig, recipe.one_wavelength_nm), timing(rig, recipe))
     family = surface_family(recipe.fit, rig.calibration.acceptance_sr)
     choose: Choice = Passes(recipe)
     if recipe.adaptive:
@@ -125,7 +125,7 @@ def references(recipe: Recipe, rig: Rig) -> Callable[[int], tuple[Step, ...]]:
 
     def at(point: int) -> tuple[Step, ...]:
         wavelength_nm = listed[point // directions]
-        visits = Visits(recipe.at_wavelength(wavelength_nm), slots(rig, wavelength_nm), timing(rig))
+        visits = Visits(recipe.at_wavelength(wavelength_nm), slots(rig, wavelength_nm), timing(rig, recipe))
         steps = visits.closing(point, HOME)
         if recipe.averaging is None or recipe.averaging.dolp_error is None:
             return steps
@@ -178,19 +178,22 @@ def _slots_of(device: AnalyzerEntry) -> Slots:
     )
 
 
-def timing(rig: Rig) -> BenchTiming:
-    """The speeds that the rig file states."""
+def timing(rig: Rig, recipe: Recipe | None = None) -> BenchTiming:
+    """The speeds that the rig file states, with as many exposures of a camera in each reading as a recipe asks for."""
     axes: dict[Role, AxisTiming] = {}
     for device in rig.devices.values():
         if isinstance(device, AxesEntry):
             axes |= device.timing()
+    detector = rig.detector.timing
+    if recipe is not None and recipe.imaging is not None:
+        detector = replace(detector, exposures=recipe.imaging.exposures)
     return BenchTiming(
         axes["source_arm"],
         axes["detector_arm"],
         axes["sample_azimuth"],
         rig.analyzer.timing(axes),
         rig.zones,
-        rig.detector.timing,
+        detector,
         axes.get("detector_azimuth"),
         None if rig.generator is None else rig.generator.timing(axes),
         None if rig.filters is None else rig.filters.timing,
@@ -219,7 +222,11 @@ def reduction(
 def detection(recipe: Recipe, rig: Rig, dark_w: float = 0.0) -> Detection:
     """What makes readings of light on a rig whose detector shows so much power in the dark."""
     return Detection(
-        Radiometry(rig.beam_power_w(recipe.one_wavelength_nm), rig.calibration.acceptance_sr),
+        Radiometry(
+            rig.beam_power_w(recipe.one_wavelength_nm),
+            rig.calibration.acceptance_sr,
+            sees_whole_spot=rig.detector.sees_whole_spot,
+        ),
         noise(rig, recipe.one_wavelength_nm),
         dark_w,
     )
@@ -227,5 +234,4 @@ def detection(recipe: Recipe, rig: Rig, dark_w: float = 0.0) -> Detection:
 
 def noise(rig: Rig, wavelength_nm: float) -> NoiseModel:
     """The noise that the rig file states of its detector."""
-    detector = rig.detector
-    return NoiseModel(detector.noise.read_w, detector.sample_s, detector.noise.shot, wavelength_nm)
+    return rig.detector.noise_model(wavelength_nm)

@@ -24,11 +24,12 @@ def _check_port(port: str) -> str:
     if port == "simulated" or _SERIAL_PORT.fullmatch(port):
         return port
     try:
-        _socket_host(port, "socket", "modbus-tcp")
+        _socket_host(port, "socket", "modbus-tcp", "http")
     except ValueError:
         raise ValueError(
             f"got {port!r}; allowed: a serial port such as COM3 or /dev/ttyUSB0, a serial server such as "
-            "socket://192.168.0.10:4001, modbus-tcp://192.168.0.10:502 for Modbus TCP, or simulated"
+            "socket://192.168.0.10:4001, modbus-tcp://192.168.0.10:502 for Modbus TCP, "
+            "http://192.168.0.10:80 for a camera, or simulated"
         ) from None
     return port
 

@@ -217,7 +217,7 @@ def _setup(folder: Path, about: dict[str, str], rig_path: Path | None) -> Setup:
         rig_path=rig_file,
         rig_text=rig_text,
         scene=scene,
-        scene_path=None,
+        scene_path=Path(about["scene_file"]) if scene and "scene_file" in about else None,
         scene_text=about["scene"] if scene else "",
         calibration=calibration,
         calibration_text=about.get("calibration", ""),

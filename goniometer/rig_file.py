@@ -7,6 +7,7 @@ from typing import Annotated, Self
 
 from pydantic import Field, model_validator
 
+from acquisition.imaging.holder import HolderEntry
 from acquisition.section import Section, SectionFault, refuse_all
 from drivers.collision_zones import Zone
 from goniometer.collision_zones import ZoneEntry
@@ -39,6 +40,9 @@ class Rig(Section):
     rig: str = Field(min_length=1, description="name of the bench, for a person")
     devices: dict[str, AnyDevice] = Field(description="the bench's devices, each under a name of your choice")
     calibration: Calibration = Field(description="what turns detector power into reflectance")
+    holder: HolderEntry | None = Field(
+        default=None, description="the markers on the sample's holder, from which a camera knows where the sample is"
+    )
     collision_zones: Annotated[tuple[ZoneEntry, ...], Field(strict=False)] = Field(
         default=(), description="angles at which parts of the bench would touch; no path may enter one"
     )

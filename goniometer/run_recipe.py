@@ -16,6 +16,7 @@ from acquisition.watchdog import LIMIT_S
 from goniometer.assembly import connected
 from goniometer.attended import Attended
 from goniometer.bench import Speed, access
+from goniometer.imaging.sensor_files import keep_sensor_files
 from goniometer.load_files import Setup, load_recipe
 from goniometer.provenance import devices_text, provenance
 from goniometer.run_folder import StoredRun, new_run_folder, stored_run
@@ -103,7 +104,10 @@ def results(folder: Path, subscribers: Sequence[Subscriber], interruption: Inter
             for subscriber in subscribers:
                 subscriber(FitUpdated(len(result.points), result.fit))
         interruption.check()
-        write_results(result)
+        made = write_results(result).maps
+        if made is not None:
+            for subscriber in subscribers:
+                subscriber(made)
     except BaseException as error:
         error.add_note(f"All readings are stored. Write the results with: goniometer fit {folder}")
         raise
@@ -131,6 +135,7 @@ def _measure(
         attended.check()
         stack.enter_context(sole_writer(folder))
         about = provenance(setup, bench_access.scene_text, begun) | {"devices": devices_text(bench)}
+        keep_sensor_files(rig, setup.rig_path, folder)
         stored = stack.enter_context(Journal.create(folder / journal.FILE_NAME, about))
         scan(setup, bench, bench_access, stored, subscribers, attended, live_fit=live_fit)
     return folder

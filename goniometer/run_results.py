@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import json
+from dataclasses import dataclass
 from pathlib import Path
 
+from acquisition.events import MapsMade
 from acquisition.mueller_csv import write_mueller_csv
 from acquisition.nexus import write_nexus
 from acquisition.readings import MuellerPoint
@@ -12,6 +14,7 @@ from acquisition.stokes_csv import write_stokes_csv
 from acquisition.whole_file import written_whole
 from goniometer.fitted_curve import fitted_curve
 from goniometer.fitting.as_json import fit_json
+from goniometer.imaging.map_results import MapResults
 from goniometer.planning import noise
 from goniometer.report import draw_report
 from goniometer.run_folder import StoredRun, fitted_family
@@ -23,12 +26,27 @@ _MOST_PLANES = 100
 """Planes that have colours and curves of their own; a picture of scattered directions shows points alone."""
 
 
-def write_results(run: StoredRun) -> list[Path]:
-    """Write what a person looks at beside the journal: Stokes points, NeXus file, fit and report."""
+@dataclass(frozen=True)
+class Written:
+    """The files that were written, and what was made of the pictures where a recipe asks for maps."""
+
+    paths: tuple[Path, ...]
+    maps: MapsMade | None = None
+
+
+def write_results(run: StoredRun) -> Written:
+    """Write what a person looks at beside the journal: Stokes points, fit, report and NeXus file; maps come last."""
     csv, nexus, fit_json_path, report = (
         run.folder / name for name in ("stokes.csv", "scan.nxs", "fit.json", "report.png")
     )
     write_stokes_csv(csv, run.points)
+    with written_whole(fit_json_path) as part:
+        part.write_text(_fit_json(run), encoding="utf-8")
+    written = [csv, fit_json_path, report, *_draw_all(report, run)]
+    if matrices := [point for point in run.points if isinstance(point, MuellerPoint)]:
+        written.append(run.folder / "mueller.csv")
+        write_mueller_csv(written[-1], matrices)
+    maps = None if run.recipe.imaging is None else MapResults(run)
     write_nexus(
         nexus,
         title=run.recipe.recipe,
@@ -37,14 +55,10 @@ def write_results(run: StoredRun) -> list[Path]:
         fit=run.fit,
         noise=noise(run.rig, run.recipe.wavelengths_nm()[0]),
         provenance=run.about,
+        more=() if maps is None else (maps.write,),
     )
-    with written_whole(fit_json_path) as part:
-        part.write_text(_fit_json(run), encoding="utf-8")
-    written = [csv, nexus, fit_json_path, report, *_draw_all(report, run)]
-    if matrices := [point for point in run.points if isinstance(point, MuellerPoint)]:
-        written.append(run.folder / "mueller.csv")
-        write_mueller_csv(written[-1], matrices)
-    return written
+    written.append(nexus)
+    return Written(tuple(written)) if maps is None else Written((*written, *maps.written), maps.summary())
 
 
 def _draw_all(report: Path, run: StoredRun) -> list[Path]:

@@ -29,8 +29,10 @@ from goniometer.bench import BenchAccess
 from goniometer.errors import JournalError, ScanInterrupted
 from goniometer.exposures import nearest_exposure
 from goniometer.hang import end_hung
+from goniometer.imaging.photographing import photographing
 from goniometer.load_files import Setup
 from goniometer.planning import aim, averaged, course, enough, plan, reduction, span_s, timing
+from goniometer.rig_devices.camera import CameraEntry
 from goniometer.run_folder import scene_truth
 
 _SWITCH_INTERVAL_S = 5e-5
@@ -71,6 +73,8 @@ def scan(
     recipe, rig, clock, folder = setup.recipe, setup.rig, bench_access.clock, stored.path.parent
     if recipe.analyzer_rotation is not None:
         bench = turning(bench, rig)
+    if isinstance(rig.detector, CameraEntry):
+        bench = photographing(bench, recipe)
     with ExitStack() as stack:
         suspended = suspensions(stored.about())
         pipeline = _pipeline(setup, bench_access.scene_text, suspended, subscribers, stack, live_fit=live_fit)
@@ -83,7 +87,7 @@ def scan(
             is_limit=recipe.follows_fit,
             is_longest=recipe.averaging is not None,
             readings=started.readings or 0,
-            reading_s=timing(rig).reading_s,
+            reading_s=timing(rig, recipe).reading_s,
         )
         decisions = Decisions(stored.about if earlier and earlier.rows else dict, stored.remember)
         way = course(recipe, rig, clock, pipeline.publish, time_left.step_done, decisions)

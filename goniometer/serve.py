@@ -23,7 +23,7 @@ _LOOK_S = 0.2
 def serve(scene_path: Path, speed: Speed, out: TextIO) -> None:
     """Serve a scene until Ctrl-C or a signal; the rig file goes to `out`, everything else to standard error."""
     loaded = load_scene(scene_path)
-    with Interruption() as interruption, simulate(loaded.scene, speed) as bench:
+    with Interruption() as interruption, simulate(loaded.scene, speed, folder=loaded.scene_path.parent) as bench:
         control = ControlServer(bench, loaded.scene_text)
         document = yaml.safe_load(loaded.rig_text)
         document["bench"] = control.address

@@ -3,8 +3,12 @@
 import gc
 
 import pytest
+from hypothesis import settings
 
 from acquisition import journal
+
+settings.register_profile("untimed", deadline=None)  # how long an example takes says how busy the computer is
+settings.load_profile("untimed")
 
 
 def pytest_collection_finish():

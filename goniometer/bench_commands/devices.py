@@ -10,6 +10,7 @@ from serial.tools.list_ports import comports
 
 from drivers.clock import WallClock
 from goniometer.bench_commands.open_bench import Tell, reachable_rig
+from goniometer.bench_commands.port_lock import holder_of
 from goniometer.bench_commands.probe import Probed, expected_rounds, probe, rounds_for
 from goniometer.errors import GoniometerError
 from goniometer.rig_devices.entry import DeviceEntry
@@ -109,7 +110,11 @@ def devices(ports: Sequence[str], rig_path: Path | None, tell: Tell, *, trace: P
             info = listed.get(port)
             usb = (info.vid, info.pid) if info and info.vid is not None and info.pid is not None else None
             expected = [one for device in _at(port, rig) for one in expected_rounds(port, device)]
-            probed = probe(port, list(dict.fromkeys(expected)), rounds_for(port, usb), log)
+            opened_by = next((device.opened_by for device in _at(port, rig) if device.opened_by), "")
+            if opened_by:
+                probed = Probed(held_by=str(holder_of(port) or ""), not_asked=f"it is opened by {opened_by}")
+            else:
+                probed = probe(port, list(dict.fromkeys(expected)), rounds_for(port, usb), log)
             found.append(FoundPort(port, info.description if info else "", usb, probed))
             interruption.check()
     by_port = {one.port: one.probed for one in found}

@@ -19,6 +19,9 @@ from goniometer.errors import ReplyError, ReplyTimeoutError
 
 _REPLY_S = 0.3
 _ELLIPTEC_REPLY_S = 0.15
+_HTTP_REPLY_S = 2.0
+"""A camera may finish an exposure first."""
+
 _AZ_REGISTER, _LEC_REGISTER = 0x007E, 0x9000
 
 
@@ -140,6 +143,19 @@ def _modbus_identity(
     return Identity(driver, f"unit {unit}", f"answers the {request.text}")
 
 
+def _http(received: bytearray) -> Identity | None:
+    """Recognise a server of HTTP, and what a camera's status.json says of it."""
+    head, ended, body = bytes(received).partition(b"\r\n\r\n")
+    if not (head.startswith(b"HTTP/1.") and ended):
+        return None
+    length = re.search(rb"\r\nContent-Length: *(\d+)", head, re.IGNORECASE)
+    if length is not None and len(body) < int(length[1]):
+        return None
+    said = (re.search(rb'"%s" *: *"?([^",}]*)' % key, body) for key in (b"model", b"serial"))
+    about = [_text(found[1]) for found in said if found]
+    return Identity("http_camera", "", ", serial ".join(about) or f"a server of HTTP, {_text(head.splitlines()[0])}")
+
+
 def _text(data: bytes | bytearray) -> str:
     return bytes(data).strip(b"\x00 ").decode("ascii", errors="replace")
 
@@ -153,4 +169,5 @@ IDENTITY_LF = Question(b"*IDN?\n", _first_of(_PM100, _SR830))
 IDENTITY_CR = Question(b"*idn?\r", _first_of(_FW102C, _SR830))
 VERSION = Question(b" VE?\r\n", _ESP301)
 ELLIPTEC = tuple(_elliptec(address) for address in "0123456789ABCDEF")
+STATUS = Question(b"GET /status.json HTTP/1.0\r\n\r\n", _http, _HTTP_REPLY_S)
 APT = (_apt(SINGLE_UNIT), _apt(RACK))

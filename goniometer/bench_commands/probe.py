@@ -14,6 +14,7 @@ from goniometer.bench_commands.identify import (
     ELLIPTEC,
     IDENTITY_CR,
     IDENTITY_LF,
+    STATUS,
     VERSION,
     Identity,
     Question,
@@ -42,20 +43,23 @@ class Round:
 
 @dataclass(frozen=True)
 class Probed:
-    """What came of a port: who holds it or why it does not open, or what answered; nothing may have."""
+    """What came of a port: who holds it, why it was not asked or does not open, or what answered; nothing may have."""
 
     held_by: str = ""
+    not_asked: str = ""
     not_opened: str = ""
     answers: tuple[Identity, ...] = ()
 
     @property
     def was_asked(self) -> bool:
         """Whether the port could be opened."""
-        return not (self.held_by or self.not_opened)
+        return not (self.held_by or self.not_asked or self.not_opened)
 
     def __str__(self) -> str:
         if self.held_by:
             return f"held by {self.held_by}; nothing was asked"
+        if self.not_asked:
+            return f"not asked: {self.not_asked}"
         if self.not_opened:
             return f"cannot be opened: {self.not_opened}"
         return ", ".join(map(str, self.answers)) or "no known device answers"
@@ -68,6 +72,7 @@ SOCKET = (
     ),
 )
 MODBUS_TCP = (Round((az(1, over_tcp=True), lec(1, over_tcp=True))),)
+HTTP = (Round((STATUS,)),)
 APT_USB = (Round(APT, rtscts=True),)
 SERIAL = (
     Round((IDENTITY_LF, IDENTITY_CR)),
@@ -84,6 +89,8 @@ def rounds_for(port: str, usb: tuple[int, int] | None) -> tuple[Round, ...]:
     """What is asked at a port of which nothing is known but its address and, perhaps, its USB vendor and product."""
     if port.startswith("modbus-tcp://"):
         return MODBUS_TCP
+    if port.startswith("http://"):
+        return HTTP
     if port.startswith("socket://"):
         return SOCKET
     return APT_USB if usb == _APT_USB else SERIAL
@@ -105,6 +112,7 @@ def expected_rounds(port: str, device: DeviceEntry) -> tuple[Round, ...]:
         "thorlabs_apt": APT,
         "oriental_az": (az(unit, over_tcp=over_tcp),),
         "smc_lec": (lec(unit, over_tcp=over_tcp),),
+        "http_camera": (STATUS,),
     }
     usual = {"thorlabs_elliptec": 9600, "stanford_sr830": 9600, "smc_lec": 38400}
     return tuple(

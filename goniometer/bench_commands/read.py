@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import math
 import statistics
 from dataclasses import dataclass
 from pathlib import Path
 
 from acquisition.analyzer_matrix import AnalyzerState
+from acquisition.protocols import Camera
+from drivers.camera.region import RegionMean
 from goniometer.bench_commands.measuring import select, take_reading_w, whole_samples_s
 from goniometer.bench_commands.open_bench import Tell, open_bench, roles_of
+from goniometer.errors import ConfigurationError, GoniometerError, SaturatedError
 from goniometer.plus_minus import plus_minus
 from goniometer.rig_devices.entry import Slot
 
@@ -32,6 +36,8 @@ class BenchReading:
         The readings, in order, in W.
     power_w, stddev_w : float
         Their mean and the standard deviation of one of them, in W; None for a single reading.
+    region : RegionMean or None
+        Counts in the region of a camera's last picture.
     """
 
     positions_deg: dict[str, float]
@@ -42,6 +48,7 @@ class BenchReading:
     readings_w: tuple[float, ...]
     power_w: float
     stddev_w: float | None
+    region: RegionMean | None = None
 
     def __str__(self) -> str:
         width = max(15, *(len(role) + 1 for role in self.positions_deg))
@@ -61,18 +68,31 @@ class BenchReading:
         if self.stddev_w is not None:
             about = f"mean of {number} readings of {self.exposure_s:g} s ± standard deviation of one"
         lines.append(f"{'power':<{width}}{plus_minus(self.power_w, self.stddev_w)} W   {about}")
+        if self.region is not None:
+            counts = plus_minus(self.region.mean_counts, math.sqrt(self.region.variance_counts2))
+            about = f"mean of the region's {self.region.pixels} pixels ± standard deviation of one"
+            lines.append(f"{'picture':<{width}}{counts} counts   {about}")
         return "\n".join(lines)
 
 
 def read(
-    rig_path: Path, exposure_s: float, slot: int | None, count: int, note: Tell, *, trace: Path | None = None
+    rig_path: Path,
+    exposure_s: float,
+    slot: int | None,
+    count: int,
+    note: Tell,
+    *,
+    picture: Path | None = None,
+    trace: Path | None = None,
 ) -> BenchReading:
     """Read positions, slot and power; nothing moves but the analyzer, and only to a `slot` that was asked for.
+
+    The last picture of a camera goes into the PNG file `picture`, saturated or not.
 
     Raises
     ------
     ConfigurationError
-        When the exposure is too long for the detector.
+        When the exposure is too long for the detector, or a picture is asked of one that is no camera.
     DeviceError
         When a device fails, an axis moves already, or the detector is saturated.
     """
@@ -83,7 +103,17 @@ def read(
         axes = {role: opened.axes[role] for role in roles_of(opened.rig)}
         in_beam = opened.analyzer.slot()
         held = {**opened.rig.analyzer.contents(), **opened.rig.analyzer.retarded()}
-        readings_w = tuple(take_reading_w(opened, exposure_s) for _ in range(count))
+        camera = opened.detector if isinstance(opened.detector, Camera) else None
+        if picture is not None and camera is None:
+            raise ConfigurationError([f"The detector of {rig_path} is no camera, and takes no picture"])
+        try:
+            readings_w = tuple(take_reading_w(opened, exposure_s) for _ in range(count))
+        except SaturatedError:
+            if camera is not None and picture is not None:
+                _write_picture(camera, picture)
+            raise
+        if camera is not None and picture is not None:
+            _write_picture(camera, picture)
         return BenchReading(
             positions_deg={role: axis.position_deg() for role, axis in axes.items()},
             not_homed=tuple(role for role, axis in axes.items() if not axis.is_homed()),
@@ -93,4 +123,15 @@ def read(
             readings_w=readings_w,
             power_w=statistics.fmean(readings_w),
             stddev_w=statistics.stdev(readings_w) if count > 1 else None,
+            region=None if camera is None else camera.read(),
         )
+
+
+def _write_picture(camera: Camera, path: Path) -> None:
+    import cv2
+
+    _, encoded = cv2.imencode(".png", camera.frame().counts)
+    try:
+        path.write_bytes(encoded.tobytes())
+    except OSError as error:
+        raise GoniometerError(f"The picture {path} cannot be written: {error}. Nothing was moved.") from error

@@ -52,7 +52,9 @@ def opened_bench(path: Path, speed: Speed | None, wavelength_nm: float | None) -
     with ExitStack() as stack:
         clock: Clock
         if isinstance(loaded, SceneSetup):
-            rig, simulated = loaded.rig, stack.enter_context(simulate(loaded.scene, 1.0 if speed is None else speed))
+            folder = loaded.scene_path.parent
+            served = simulate(loaded.scene, 1.0 if speed is None else speed, folder=folder)
+            rig, simulated = loaded.rig, stack.enter_context(served)
             clock, ports = simulated.clock, served_ports(rig, simulated)
         else:
             if speed is not None:

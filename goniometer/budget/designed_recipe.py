@@ -103,7 +103,7 @@ class _Sweeps:
         steps = plan(sweep, self._rig)
         slots = np.bincount([step.point for step in steps])
         in_order = slots if sweep.exit_angles_deg()[0] == self._angles_deg[places[0]] else slots[::-1]
-        reading_s = in_order * timing(self._rig).reading_s(self._recipe.exposure_s)
+        reading_s = in_order * timing(self._rig, self._recipe).reading_s(self._recipe.exposure_s)
         return sum(step.duration_s for step in steps) - float(reading_s.sum()), np.asarray(reading_s, np.float64)
 
 

@@ -108,7 +108,9 @@ def _fit_again(path: Path, profiled: Sequence[str], bootstrapped: int) -> Fitted
     if stored.spectrum and (profiled or bootstrapped):
         raise FitError(f"{stored.folder} has a fit for each wavelength. Leave --profile and --bootstrap out.")
     interruptions = stored.about.get("interruptions", "").splitlines()
-    notes = (*stored.doubts, *interruptions, *(f"wrote {written}" for written in write_results(stored)))
+    written = write_results(stored)
+    of_maps = () if written.maps is None else str(written.maps).splitlines()
+    notes = (*stored.doubts, *interruptions, *of_maps, *(f"wrote {path}" for path in written.paths))
     if stored.spectrum:
         return FittedSpectrum(stored, notes)
     if stored.fit is None:

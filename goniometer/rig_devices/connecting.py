@@ -83,7 +83,7 @@ class Connecting:
     identities: dict[str, str] = field(default_factory=dict)
     _shared: dict[str, Any] = field(default_factory=dict)
 
-    def link(self, name: str, *, baudrate: int = 115200, rtscts: bool = False) -> Link:
+    def link(self, name: str, *, baudrate: int = 115200, rtscts: bool = False, most_logged: int | None = None) -> Link:
         """Open the port of a device that has one to itself."""
         return Link(
             self.ports[name],
@@ -91,6 +91,7 @@ class Connecting:
             baudrate=baudrate,
             rtscts=rtscts,
             wire_log=self.wire_log,
+            most_logged=most_logged,
         )
 
     def modbus(self, name: str, *, baudrate: int, parity: str) -> ModbusPort:

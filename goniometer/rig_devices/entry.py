@@ -10,6 +10,7 @@ from typing import Annotated, ClassVar, Literal, Self
 from pydantic import Field, model_validator
 
 from acquisition.analyzer_matrix import AnalyzerState
+from acquisition.detector_noise import NoiseModel
 from acquisition.measured_time import time_fault
 from acquisition.section import Section, SectionFault, refuse_all
 from acquisition.timing import AnalyzerTiming, AxisTiming, DetectorTiming
@@ -73,6 +74,9 @@ class DeviceEntry(Section, ABC):
 
     greeting: ClassVar[Greeting | None] = None
     """How `goniometer devices` finds out whether it is there; the project's own families have other questions."""
+
+    opened_by: ClassVar[str] = ""
+    """What opens its port, where that is nothing that bytes are sent to."""
 
     driver: str
     port: Port = Field(
@@ -230,13 +234,6 @@ class AnalyzerEntry(DeviceEntry):
         """How long it takes from one slot to another, given the timing of the bench's axes."""
 
 
-class NoiseEntry(Section):
-    """The detector's noise, from which every reading gets its weight."""
-
-    read_w: float = Field(gt=0, le=1, description="standard deviation of one sample in the dark, in W")
-    shot: bool = Field(description="whether photon noise is added")
-
-
 class DetectorEntry(DeviceEntry):
     """A detector of optical power that averages whole samples."""
 
@@ -244,18 +241,41 @@ class DetectorEntry(DeviceEntry):
     averages_evenly: ClassVar[bool] = True
     """Whether a reading is the mean of the light over its exposure, which begins at once."""
 
+    sees_whole_spot: ClassVar[bool] = True
+    """Whether all of the lit spot is in its field of view, as `Radiometry` has it."""
+
     sample_s: float = Field(gt=0, le=10, description="duration of one sample, in s; a reading averages whole samples")
-    noise: NoiseEntry = Field(description="the detector's noise")
 
     @property
     @abstractmethod
     def most_samples(self) -> int:
         """Samples that one reading averages at most."""
 
+    @abstractmethod
+    def noise_model(self, wavelength_nm: float) -> NoiseModel:
+        """The noise of its readings."""
+
     @property
     def timing(self) -> DetectorTiming:
         """How long a reading takes."""
         return DetectorTiming()
+
+
+class NoiseEntry(Section):
+    """The detector's noise, from which every reading gets its weight."""
+
+    read_w: float = Field(gt=0, le=1, description="standard deviation of one sample in the dark, in W")
+    shot: bool = Field(description="whether photon noise is added")
+
+
+class MeterEntry(DetectorEntry):
+    """A detector whose noise is stated as it is: of one sample, in watts."""
+
+    noise: NoiseEntry = Field(description="the detector's noise")
+
+    def noise_model(self, wavelength_nm: float) -> NoiseModel:
+        """The noise that the rig file states."""
+        return NoiseModel(self.noise.read_w, self.sample_s, self.noise.shot, wavelength_nm)
 
 
 def slot_faults(slots: Mapping[int, Slot], sizes: Sequence[int], whole: str) -> Iterator[SectionFault]:

@@ -8,6 +8,8 @@ from pydantic import Field
 
 from goniometer.rig_devices.entry import DeviceEntry
 from goniometer.rig_devices.filters import ThorlabsFw102cFiltersEntry
+from goniometer.rig_devices.genicam_camera import GenicamCameraEntry
+from goniometer.rig_devices.http_camera import HttpCameraEntry
 from goniometer.rig_devices.newport_esp301 import NewportEsp301Entry
 from goniometer.rig_devices.oriental_az import OrientalAzEntry
 from goniometer.rig_devices.rotating_generator import RotatingGeneratorEntry
@@ -18,12 +20,15 @@ from goniometer.rig_devices.thorlabs_apt import ThorlabsAptEntry
 from goniometer.rig_devices.thorlabs_elliptec import ThorlabsElliptecEntry, ThorlabsElliptecSliderEntry
 from goniometer.rig_devices.thorlabs_fw102c import ThorlabsFw102cEntry
 from goniometer.rig_devices.thorlabs_pm100 import ThorlabsPm100Entry
+from goniometer.rig_devices.video_camera import VideoCameraEntry
 from sim_devices.bench_devices.offers import names_of, offers
 
 GROUP = "goniometer.drivers"
 """The entry point group in which another package names its `DeviceEntry` classes."""
 
 _OWN: tuple[type[DeviceEntry], ...] = (
+    GenicamCameraEntry,
+    HttpCameraEntry,
     NewportEsp301Entry,
     OrientalAzEntry,
     RotatingGeneratorEntry,
@@ -36,6 +41,7 @@ _OWN: tuple[type[DeviceEntry], ...] = (
     ThorlabsFw102cEntry,
     ThorlabsFw102cFiltersEntry,
     ThorlabsPm100Entry,
+    VideoCameraEntry,
 )
 
 

@@ -13,7 +13,7 @@ from acquisition.timing import DetectorTiming
 from drivers.stanford_sr830.detector import StanfordSr830
 from drivers.stanford_sr830.lock_in import TIME_CONSTANTS_S, Settings
 from goniometer.rig_devices.connecting import Connecting
-from goniometer.rig_devices.entry import DetectorEntry
+from goniometer.rig_devices.entry import MeterEntry
 
 _NOISE_TIME_CONSTANTS = {6: 2.0, 12: 4.0, 18: 16 / 3, 24: 6.4}
 """Over how much time the filter averages white noise, by its slope: 1 / (2 bandwidth), in time constants."""
@@ -22,7 +22,7 @@ _QUESTIONS_S = 0.05
 """For filter, condition and samples, at 9600 baud."""
 
 
-class StanfordSr830Entry(DetectorEntry):
+class StanfordSr830Entry(MeterEntry):
     """Stanford Research SR830 (or SR810) lock-in with a photodiode behind a chopper."""
 
     averages_evenly = False

@@ -9,13 +9,13 @@ from pydantic import Field
 from acquisition.timing import DetectorTiming
 from drivers.thorlabs_pm100.meter import ThorlabsPm100
 from goniometer.rig_devices.connecting import Connecting
-from goniometer.rig_devices.entry import DetectorEntry
+from goniometer.rig_devices.entry import MeterEntry
 
 _EXCHANGE_S = 0.002
 """A question and its answer, over USB."""
 
 
-class ThorlabsPm100Entry(DetectorEntry):
+class ThorlabsPm100Entry(MeterEntry):
     """Thorlabs PM100-family power meter."""
 
     driver: Literal["thorlabs_pm100"] = Field(description="the device's family")

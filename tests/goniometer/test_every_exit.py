@@ -18,6 +18,7 @@ from goniometer.errors import ReductionError, ScanInterrupted
 from goniometer.load_files import load_recipe
 from goniometer.planning import plan
 from goniometer.run_folder import measured
+from goniometer.run_results import Written
 
 ROOT = Path(__file__).resolve().parents[2]
 RIGS = ("iron_60deg", "iron_lock_in", "iron_retarder", "iron_rotating", "iron_slider", "iron_thorlabs")
@@ -90,7 +91,7 @@ def scan(monkeypatch, recipe, out, control):
             control.go_on()
 
     with outliving(monkeypatch, setup) as bench:
-        monkeypatch.setattr("goniometer.run_recipe.write_results", lambda result: [])
+        monkeypatch.setattr("goniometer.run_recipe.write_results", lambda result: Written(()))
         try:
             goniometer.run(recipe, out=out, live_fit=False, subscribers=[see], control=control)
         except (ScanInterrupted, ReductionError) as error:

@@ -32,14 +32,27 @@ def test_a_rig_knows_its_devices_by_role(tmp_path: Path) -> None:
     assert rig.analyzer.slots == {1: "open", 2: 0, 3: 45, 4: 90, 5: 135, 6: "blocked"}
 
 
-@pytest.mark.parametrize("port", ["COM1", "COM256", "/dev/cu.usbserial-01", "/dev/pts/3", "socket://meter.lab:2000"])
+@pytest.mark.parametrize(
+    "port", ["COM1", "COM256", "/dev/cu.usbserial-01", "/dev/pts/3", "socket://meter.lab:2000", "http://10.0.0.4:80"]
+)
 def test_ports_of_all_systems_are_accepted(tmp_path: Path, port: str) -> None:
     assert load(tmp_path, ("/dev/ttyUSB2", port)).analyzer.port == port
 
 
 @pytest.mark.parametrize(
     "port",
-    ["COM0", "COM", "ttyUSB0", "socket://host", "socket://:5", "socket://h:0", "socket://h:99999", "http://h:80"],
+    [
+        "COM0",
+        "COM",
+        "ttyUSB0",
+        "socket://host",
+        "socket://:5",
+        "socket://h:0",
+        "socket://h:99999",
+        "http://h",
+        "http://h:80/still.png",
+        "https://h:443",
+    ],
 )
 def test_what_is_no_port_is_refused(tmp_path: Path, port: str) -> None:
     with pytest.raises(ConfigurationError, match=r"key 'devices.analyzer.port': got '.*'; allowed: a serial port"):

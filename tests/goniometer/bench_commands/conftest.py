@@ -106,12 +106,16 @@ def locks_of_our_own(monkeypatch, tmp_path_factory):
 
 @pytest.fixture
 def serve(tmp_path):
-    """Serve a bench; `scene` and `devices` replace parts of the scene, `effects` join its noise, `zones` the rig."""
+    """Serve a bench; `scene` and `devices` replace parts of the scene, `effects` join its noise, `zones` the rig.
+
+    `detector` takes the meter's place in the rig.
+    """
     with ExitStack() as stack:
 
-        def served(speed="max", scene=None, devices=None, effects=(), zones=()):
-            (tmp_path / "simulated_rig.yaml").write_text(yaml.safe_dump(RIG))
-            content = SCENE | (scene or {}) | {"effects": [*NOISE, *effects]}
+        def served(speed="max", scene=None, devices=None, effects=(), zones=(), detector=None):
+            rig = RIG | {"devices": RIG["devices"] | ({"meter": detector} if detector else {})}
+            (tmp_path / "simulated_rig.yaml").write_text(yaml.safe_dump(rig))
+            content = SCENE | {"effects": [*NOISE, *effects]} | (scene or {})
             content["devices"] = content["devices"] | (devices or {})
             (tmp_path / "scene.yaml").write_text(yaml.safe_dump(content, sort_keys=False))
             return Served(tmp_path, stack, speed, load_scene(tmp_path / "scene.yaml"), zones)

@@ -1,0 +1,1 @@
+"""Maps of the sample from the pictures of a run."""
