@@ -8,7 +8,7 @@ PYTHON ?= python3
 BIN := .venv/bin
 endif
 
-.PHONY: demo test long faults interop bench bench-model bench-devices bench-fit lint format clean
+.PHONY: demo test long faults interop bench bench-model bench-devices bench-fit bench-images lint format clean
 
 demo: .venv/installed
 	$(BIN)/goniometer run recipes/iron_60deg.yaml --speed 20
@@ -40,6 +40,9 @@ bench-devices: .venv/installed .venv-bench/installed
 bench-fit: .venv/installed .venv-bench/installed
 	$(subst .venv,.venv-bench,$(BIN))/python benchmarks/live_fit.py
 	$(BIN)/python benchmarks/fits.py
+
+bench-images: .venv-bench/installed
+	$(subst .venv,.venv-bench,$(BIN))/python benchmarks/stokes_images.py
 
 lint: .venv/installed
 	$(BIN)/ruff check .

@@ -12,6 +12,7 @@ from benches import KINDS, short_scan
 
 from sim_devices.bench import Bench
 from sim_devices.faults.entry import AxisFault, DeviceFault, Fault, ReplyFault
+from sim_devices.faults.hooks import TakesPictures
 from sim_devices.faults.known import ALL, one_fault
 from sim_devices.serving.clock import VirtualClock
 
@@ -96,6 +97,8 @@ def possible_faults(name: str) -> dict[type[Fault], tuple[str, ...]]:
         for kind in ALL:
             if is_of(kind) == "lamp_off" and scan.recipe.reference is None:
                 continue  # nobody could see it
+            if TakesPictures in kind.needs:
+                continue  # none of these benches has a camera
             targets: list[str] = [""]
             if issubclass(kind, AxisFault):
                 targets = [role for device in scene.devices.values() for role in device.roles()]
