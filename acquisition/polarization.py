@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from acquisition.readings import Reading, StokesPoint
+from model.stokes import aolp
 
 _UNKNOWN_AOLP_STDERR_DEG = 180.0 / math.sqrt(12.0)
 """Standard deviation of an angle that may be anything within 180 degrees."""
@@ -54,7 +55,7 @@ def stokes_point(reading: Reading, stokes: NDArray[np.float64], covariance: NDAr
         dolp=dolp,
         dolp_debiased=debiased,
         dolp_stderr=dolp_stderr,
-        aolp_deg=math.degrees(0.5 * math.atan2(s2 + 0.0, s1)),  # -0.0 would turn 90 degrees into -90
+        aolp_deg=math.degrees(float(aolp(stokes))),
         aolp_stderr_deg=aolp_stderr_deg,
         **(_with_s3(stokes, covariance) if len(stokes) == 4 else {}),
     )

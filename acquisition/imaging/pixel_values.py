@@ -134,7 +134,7 @@ class PixelValues:
 
 
 def _half_angle(s2: Value, s1: Value) -> Value:
-    """½ atan2(s2, s1), in (-pi/2, pi/2]; to 2e-7."""
+    """½ atan2(s2, s1), in [-pi/2, pi/2]; to 2e-7."""
     half = 0.5 * atan2(s2, abs(s1))
     return where(s1 < 0.0, where(s2 < 0.0, -0.5 * math.pi, 0.5 * math.pi) - half, half)
 
