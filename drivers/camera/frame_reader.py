@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import threading
 from dataclasses import dataclass, field, replace
 
@@ -171,13 +172,13 @@ class FrameReader:
     def _take(self, picture: Picture | None, arrived_s: float) -> None:
         with self._changed:
             reading = self._reading
+            begun_s, missing = self._dates.date(arrived_s, math.nan if picture is None else picture.position_s)
+            self.dropped_frames += missing
+            reading.lose(missing)
             if picture is None:
                 self.damaged_frames += 1
                 reading.lose(1)
                 return
-            begun_s, missing = self._dates.date(arrived_s, picture.position_s)
-            self.dropped_frames += missing
-            reading.lose(missing)
             if self._is_live:
                 self._require_another(picture)
             if not reading.is_complete and (begun_s >= reading.from_s or not self._is_live):

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from drivers.camera import video_errors as errors
 from drivers.camera.capture import Capture, Channel, Kind, kind_of, without_password
 from drivers.camera.frame import Frame
+from drivers.camera.frame_dates import TOLD_AFTER
 from drivers.camera.frame_reader import FrameReader, Reading
 from drivers.camera.frame_sum import BITS
 from drivers.camera.photometer import Photometer
@@ -236,7 +237,10 @@ class VideoCamera(ReadsPictures):
         self._attempts += 1
         self._frame = None
         reader = self._opened()
-        self._deadline = Deadline(self._clock, 2 * (self.actual_exposure_s + self._latency_s) + self._timeout_s)
+        in_doubt_s = TOLD_AFTER * self._frame_s
+        self._deadline = Deadline(
+            self._clock, 2 * (self.actual_exposure_s + self._latency_s) + in_doubt_s + self._timeout_s
+        )
         reader.begin(self._wanted)
         self._is_reading = True
 
