@@ -32,9 +32,9 @@ def covered(tmp_path, sample, seeds):
 
 
 def test_over_a_few_seeds_most_intervals_hold_the_truth(tmp_path):
-    """8 seeds x 6 parameters; seeds are fixed, so this passes or fails always."""
-    hits = covered(tmp_path, "iron", range(200, 208))
-    assert sum(hits.values()) >= LOW * 6 * 8
+    """5 seeds x 6 parameters; seeds are fixed, so this passes or fails always."""
+    hits = covered(tmp_path, "iron", range(200, 205))
+    assert sum(hits.values()) >= LOW * 6 * 5
 
 
 @pytest.mark.long

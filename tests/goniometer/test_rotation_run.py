@@ -1,9 +1,11 @@
 """An analyzer that is read while it turns, from the recipe to the results: what it finds, and what it gets over."""
 
 import math
+import shutil
 import sqlite3
 from contextlib import closing
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -45,34 +47,32 @@ LONG = {"readings": 12, "exposure_s": 0.15}
 """Exposures in which the analyzer turns by 27 degrees."""
 
 
+def written_in(folder, recipe=None, scene=None, axis=None, *, retarder=False):
+    """The shipped recipe and its files, shortened, with changes; `retarder` has a quarter-wave plate turn instead."""
+    contents = {
+        name: yaml.safe_load((ROOT / name).read_text())
+        for name in ("recipes/iron_rotating.yaml", "rigs/simulated_rotating.yaml", "scenes/iron_rotating.yaml")
+    }
+    of_recipe, of_rig, of_scene = contents.values()
+    of_recipe |= SHORT | (recipe or {})
+    of_scene |= scene or {}
+    axes = of_rig["devices"]["rotator"]["axes"]
+    axes["polarizer"] |= axis or {}
+    if retarder:
+        axes["retarder"] = axes.pop("polarizer")
+        slots = {slot: {"polarizer_deg": 20, "retarder_deg": angle} for slot, angle in enumerate((-52, -15, 15, 52), 1)}
+        of_rig["devices"]["analyzer"] |= {"turns": ["retarder"], "retardance_deg": 90, "slots": slots}
+        of_scene["devices"]["analyzer"] |= {"polarizer_deg": 20, "retardance_deg": 90}
+        of_scene["devices"]["rotator"]["axes"] = {1: "retarder"}
+    for name, content in contents.items():
+        (folder / name).parent.mkdir(exist_ok=True)
+        (folder / name).write_text(yaml.safe_dump(content))
+    return folder / "recipes" / "iron_rotating.yaml"
+
+
 @pytest.fixture
 def written(tmp_path):
-    """The shipped recipe and its files, shortened, with changes; `retarder` has a quarter-wave plate turn instead."""
-
-    def write(recipe=None, scene=None, axis=None, *, retarder=False):
-        contents = {
-            name: yaml.safe_load((ROOT / name).read_text())
-            for name in ("recipes/iron_rotating.yaml", "rigs/simulated_rotating.yaml", "scenes/iron_rotating.yaml")
-        }
-        of_recipe, of_rig, of_scene = contents.values()
-        of_recipe |= SHORT | (recipe or {})
-        of_scene |= scene or {}
-        axes = of_rig["devices"]["rotator"]["axes"]
-        axes["polarizer"] |= axis or {}
-        if retarder:
-            axes["retarder"] = axes.pop("polarizer")
-            slots = {
-                slot: {"polarizer_deg": 20, "retarder_deg": angle} for slot, angle in enumerate((-52, -15, 15, 52), 1)
-            }
-            of_rig["devices"]["analyzer"] |= {"turns": ["retarder"], "retardance_deg": 90, "slots": slots}
-            of_scene["devices"]["analyzer"] |= {"polarizer_deg": 20, "retardance_deg": 90}
-            of_scene["devices"]["rotator"]["axes"] = {1: "retarder"}
-        for name, content in contents.items():
-            (tmp_path / name).parent.mkdir(exist_ok=True)
-            (tmp_path / name).write_text(yaml.safe_dump(content))
-        return tmp_path / "recipes" / "iron_rotating.yaml"
-
-    return write
+    return partial(written_in, tmp_path)
 
 
 @pytest.fixture
@@ -278,20 +278,27 @@ def require_whole(run):
     require_unit_variance(pulls(run.points))
 
 
+@pytest.fixture(scope="module")
+def finished(tmp_path_factory):
+    """The folder of a run that was not interrupted; its recipe stays where it is."""
+    recipe = written_in(tmp_path_factory.mktemp("finished"))
+    return goniometer.run(recipe, out=recipe.parent / "runs", speed="max", live_fit=False).folder
+
+
 @pytest.mark.parametrize("readings", [1, 47, 50, 288])
 @pytest.mark.parametrize("is_steady", [True, False])
-def test_a_scan_that_was_killed_while_a_turn_was_stored_is_resumed(run, readings, is_steady):
+def test_a_scan_that_was_killed_while_a_turn_was_stored_is_resumed(finished, tmp_path, readings, is_steady):
     """The rest of the turn is read in one of its own, at other angles; also where time was lost, as with a link."""
-    result, _ = run()
-    with closing(sqlite3.connect(result.folder / FILE_NAME)) as connection:
+    folder = shutil.copytree(finished, tmp_path / "killed")
+    with closing(sqlite3.connect(folder / FILE_NAME)) as connection:
         connection.execute("DELETE FROM readings WHERE id > ?", (readings,))
         connection.execute("DELETE FROM about WHERE key = 'ended'")
         if not is_steady:
             connection.execute("INSERT INTO about VALUES (?, 'for a moment')", (f"{LINK_LOST} 1",))
         connection.commit()
-    resumed = resume(result.folder, speed="max").run
+    resumed = resume(folder, speed="max").run
     require_whole(resumed)
-    assert resumed.readings[:readings] == result.readings[:readings]
+    assert resumed.readings[:readings] == measured(finished).readings[:readings]
 
 
 def test_a_rotator_slower_than_its_rig_file_says_is_noticed(run):

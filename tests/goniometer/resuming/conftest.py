@@ -140,6 +140,12 @@ def assert_same_results():
 
 
 @pytest.fixture
+def no_results(monkeypatch):
+    """Leaves out what is made of the readings of a resumed run, which takes most of the time."""
+    monkeypatch.setattr("goniometer.resume_run.results", lambda folder, subscribers, interruption: None)
+
+
+@pytest.fixture
 def interrupted_at(monkeypatch):
     """Has a scan ended by Ctrl-C at the `number`-th look whether it should; returns how many looks there were."""
 

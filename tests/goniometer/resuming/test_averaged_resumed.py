@@ -17,12 +17,6 @@ EVERY = pytest.mark.parametrize("every", [6, pytest.param(1, marks=pytest.mark.l
 """Cut after every so many readings; stays have two, and some three."""
 
 
-@pytest.fixture
-def no_results(monkeypatch):
-    """Leaves out what is made of the readings, which takes most of the time."""
-    monkeypatch.setattr("goniometer.resume_run.results", lambda folder, subscribers, interruption: None)
-
-
 @pytest.fixture(scope="module")
 def to_ratio(recipe, noted_in, tmp_path_factory):
     return noted_in(recipe(step_deg=20, stop_deg=20, readings=TO_RATIO), tmp_path_factory.mktemp("ratio"))

@@ -5,7 +5,7 @@ import shutil
 import h5py
 import pytest
 
-import goniometer.resume_run
+import goniometer
 from acquisition.events import StepStarted
 from acquisition.journal import FILE_NAME, Journal
 from acquisition.readings import Reading
@@ -17,12 +17,6 @@ from goniometer.resume_run import resume
 
 READINGS = 5 * 5 * 2 + 3 * 2 + 2
 """Of five directions in five slots, three references, and the one that closes the scan."""
-
-
-@pytest.fixture
-def no_results(monkeypatch):
-    """Leaves out what is made of the readings, which takes most of the time."""
-    monkeypatch.setattr(goniometer.resume_run, "results", lambda folder, subscribers, interruption: None)
 
 
 @pytest.mark.usefixtures("no_results")

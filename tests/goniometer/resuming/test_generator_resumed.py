@@ -7,7 +7,6 @@ import pytest
 import yaml
 
 import goniometer
-import goniometer.resume_run
 from acquisition.journal import FILE_NAME
 from goniometer.errors import JournalError
 from goniometer.resume_run import resume
@@ -57,17 +56,12 @@ def pairs(run, also=""):
         return connection.execute(f"SELECT {PAIRS}{also} FROM readings WHERE is_planned ORDER BY id").fetchall()
 
 
-@pytest.fixture
-def no_results(monkeypatch):
-    monkeypatch.setattr(goniometer.resume_run, "results", lambda folder, subscribers, interruption: None)
-
-
 @pytest.mark.usefixtures("no_results")
-def test_after_any_reading(mueller, cut, rows):
+def test_after_many_readings(mueller, cut, rows):
     run = mueller(exact=True)
     expected = rows(run)
     assert len(expected) == 2 * 16 * 2
-    for readings in range(0, len(expected), 3):
+    for readings in range(0, len(expected), 5):
         folder = cut(run, readings, str(readings))
         resume(folder, speed="max", live_fit=False)
         assert rows(folder) == expected, f"cut after {readings} readings"

@@ -71,11 +71,6 @@ def at_look(tiny, tmp_path, interrupted_at, bench_at_its_end, rows, expected):
     return at
 
 
-@pytest.fixture
-def no_results(monkeypatch):
-    monkeypatch.setattr("goniometer.resume_run.results", lambda folder, subscribers, interruption: None)
-
-
 @pytest.mark.usefixtures("no_results")
 @pytest.mark.parametrize("part", range(3))
 def test_at_many_looks(part, at_look):

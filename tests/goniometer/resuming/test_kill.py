@@ -149,7 +149,7 @@ def test_kill_9_at_500_instants(seed, longer, expected, tmp_path, processes, row
 @pytest.mark.parametrize(("name", "code"), [("SIGINT", 130), ("SIGTERM", 143), ("SIGHUP", 129)])
 def test_signals_at_random_instants(name, code, longer, expected, tmp_path, processes, rows, assert_same_results):
     rng = random.Random(name)
-    instants = [at_a_step(rng) for _ in range(5)]
+    instants = [at_a_step(rng) for _ in range(3)]
     run, times = interrupted_often(longer, tmp_path, processes, rows, instants, getattr(signal, name), code)
     assert times == len(instants)
     assert_same_results(run, expected)

@@ -54,11 +54,6 @@ def places(taken):
     return [(*row[1:4], row[8]) for row in taken if row[-1]]
 
 
-@pytest.fixture
-def no_results(monkeypatch):
-    monkeypatch.setattr("goniometer.resume_run.results", lambda folder, subscribers, interruption: None)
-
-
 SKIPS = {
     "reading by reading": ({"step_deg": 20, "stop_deg": 40}, {15}),
     "the first and the last": ({"step_deg": 20, "stop_deg": 40}, {3, 15}),

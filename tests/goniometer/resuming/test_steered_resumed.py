@@ -20,12 +20,6 @@ CALM = """
 """
 
 
-@pytest.fixture
-def no_results(monkeypatch):
-    """Leaves out what is made of the readings, which takes most of the time."""
-    monkeypatch.setattr("goniometer.resume_run.results", lambda folder, subscribers, interruption: None)
-
-
 def steered(recipe, steering):
     """A recipe that fits what the scene holds, whose light may change a little less than in the others here."""
     path = recipe(step_deg=10, effects=CALM)
