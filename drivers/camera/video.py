@@ -14,9 +14,8 @@ from drivers.camera.photometer import Photometer
 from drivers.camera.reads_pictures import ReadsPictures
 from drivers.clock import Clock, Deadline
 from drivers.same_device import same_device
-from goniometer.errors import LimitError
+from goniometer.errors import LimitError, ReplyTimeoutError
 
-_MOST_ATTEMPTS = 3
 _LONGEST_S = 3600.0
 _SAME_RATE = 1.25
 """Rates of cameras wander by some percent with the light and the computer's load, but are not wrong by a quarter."""
@@ -25,9 +24,10 @@ _SAME_RATE = 1.25
 class VideoCamera(ReadsPictures):
     """A camera, satisfying the engine's `Camera`.
 
-    A reading is the mean of the whole number of pictures nearest to its exposure, all of them begun after it was; see
-    `FrameSum` for the counts. Each frame's `exposure_s` is that of one picture, `frame_s`, because so much light makes
-    its counts, and its `number` counts the pictures since the video was opened.
+    A reading is the mean of the whole number of pictures nearest to its exposure, all of them begun after it was; where
+    some are missing or damaged it takes longer, and others are in it. See `FrameSum` for the counts. Each frame's
+    `exposure_s` is that of one picture, `frame_s`, because so much light makes its counts, and its `number` counts the
+    pictures since the video was opened.
 
     Parameters
     ----------
@@ -89,7 +89,6 @@ class VideoCamera(ReadsPictures):
         self._warm_up_frames, self._most_identical, self._timeout_s = warm_up_frames, most_identical, timeout_s
         self._reader: FrameReader | None = None
         self._deadline = Deadline(clock, 0.0)
-        self._wanted = self._attempts = 0
         self._is_reading = False
         self._frame: Frame | None = None
 
@@ -126,7 +125,7 @@ class VideoCamera(ReadsPictures):
             reader.begin(self._warm_up_frames)
             reading = reader.wait(2 * (warm_up_s + self._latency_s) + self._timeout_s)
             if not reading.is_complete:
-                raise errors.overdue(self.name, self._shown, warm_up_s, reading.frames, reading.wanted)
+                raise self._overdue(warm_up_s, reading)
             if not self._is_file:
                 self._require_rate(reading.interval_s)
         return ()
@@ -148,17 +147,22 @@ class VideoCamera(ReadsPictures):
                 not_done="the reading was not begun",
                 to_do="change exposure_s in the recipe",
             )
-        self._wanted = max(1, round(exposure_s / self._frame_s))
-        self.actual_exposure_s = self._wanted * self._frame_s
-        self._attempts = 0
-        self._begin()
+        wanted = max(1, round(exposure_s / self._frame_s))
+        self.actual_exposure_s = wanted * self._frame_s
+        self._frame = None
+        in_doubt_s = TOLD_AFTER * self._frame_s
+        longest_s = 2 * (self.actual_exposure_s + self._latency_s) + in_doubt_s + self._timeout_s
+        reader = self._opened()
+        self._deadline = Deadline(self._clock, longest_s)
+        reader.begin(wanted)
+        self._is_reading = True
 
     def is_exposing(self) -> bool:
         """Whether light is still collected: until the last picture has come, nobody knows that it has."""
         return self.is_reading()
 
     def is_reading(self) -> bool:
-        """Whether pictures are still to come; a reading in which some were lost is begun again, twice.
+        """Whether pictures are still to come.
 
         Raises
         ------
@@ -167,20 +171,14 @@ class VideoCamera(ReadsPictures):
         ReplyTimeoutError
             When they have not come after twice the time they take, and the time a stream may be silent.
         DeviceFaultError
-            When a file has ended, the picture stands still, has another size or is in colours, or pictures are lost
-            for the third time.
+            When a file has ended, the picture stands still, has another size or is in colours.
         """
         if not self._is_reading:
             return False
         reading = self._opened().reading()
-        if reading.lost and (reading.is_complete or not self._is_file):
-            if self._attempts == _MOST_ATTEMPTS:
-                raise errors.dropped(self.name, self._attempts, reading.lost)
-            self._begin()
-            return True
         if not reading.is_complete:
             if self._deadline.has_passed():
-                raise errors.overdue(self.name, self._shown, self.actual_exposure_s, reading.frames, reading.wanted)
+                raise self._overdue(self.actual_exposure_s, reading)
             return True
         self._frame = self._frame_of(reading)
         self._is_reading = False
@@ -233,16 +231,9 @@ class VideoCamera(ReadsPictures):
             raise self._not_open()
         return self._reader
 
-    def _begin(self) -> None:
-        self._attempts += 1
-        self._frame = None
-        reader = self._opened()
-        in_doubt_s = TOLD_AFTER * self._frame_s
-        self._deadline = Deadline(
-            self._clock, 2 * (self.actual_exposure_s + self._latency_s) + in_doubt_s + self._timeout_s
-        )
-        reader.begin(self._wanted)
-        self._is_reading = True
+    def _overdue(self, exposure_s: float, reading: Reading) -> ReplyTimeoutError:
+        came = reading.frames, reading.wanted, reading.lost
+        return errors.overdue(self.name, self._shown, exposure_s, *came)
 
     def _frame_of(self, reading: Reading) -> Frame:
         return Frame(

@@ -42,14 +42,16 @@ def file_ended(name: str, address: str, frames: int) -> DeviceFaultError:
     )
 
 
-def overdue(name: str, address: str, exposure_s: float, frames: int, wanted: int) -> ReplyTimeoutError:
+def overdue(name: str, address: str, exposure_s: float, frames: int, wanted: int, lost: int) -> ReplyTimeoutError:
     """Too few pictures in the time."""
+    others = f", {lost} others were missing or damaged" if lost else ""
+    faster = "use a faster cable or network, a smaller picture or a lower rate, and close what else uses the computer"
     return ReplyTimeoutError(
         name,
         f"of the {wanted} pictures of a reading of {exposure_s:g} s only {frames} have come from {address} in more "
-        "than twice the time",
+        f"than twice the time{others}",
         not_done="the reading was not finished",
-        to_do=_CABLES,
+        to_do=faster if lost else _CABLES,
     )
 
 
@@ -121,14 +123,4 @@ def other_rate(name: str, found_s: float, wanted_s: float) -> DeviceFaultError:
         f"its pictures come every {found_s:.4g} s, where the rig file has sample_s: {wanted_s:g}",
         not_done="no reading was begun",
         to_do=f"write sample_s: {found_s:.4g} if the camera is meant to be as fast as that, or set its rate",
-    )
-
-
-def dropped(name: str, attempts: int, lost: int) -> DeviceFaultError:
-    """No reading without gaps."""
-    return DeviceFaultError(
-        name,
-        f"pictures were missing or damaged in each of {attempts} attempts at a reading, {lost} in the last one",
-        not_done="the reading was thrown away",
-        to_do="use a faster cable or network, a smaller picture or a lower rate, and close what else uses the computer",
     )
