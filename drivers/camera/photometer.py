@@ -24,6 +24,8 @@ class Photometer:
         Share of the region's pixels that may be; they are left out of the mean.
     black_counts : float
         Counts of every pixel without light and in no time, whatever the gain.
+    to_dim : str
+        What a person can do against saturation.
     """
 
     def __init__(
@@ -35,11 +37,12 @@ class Photometer:
         saturation_counts: int,
         most_saturated: float = 0.0,
         black_counts: float = 0.0,
+        to_dim: str = "weaken the beam",
     ) -> None:
         self.name, self.region = name, region
         self._watts_per_count_per_s = watts_per_count_per_s
         self._saturation_counts, self._most_saturated = saturation_counts, most_saturated
-        self._black_counts = black_counts
+        self._black_counts, self._to_dim = black_counts, to_dim
 
     def mean(self, frame: Frame | None) -> RegionMean:
         """Mean and variance of the counts over the region.
@@ -62,7 +65,7 @@ class Photometer:
                 f"the detector was saturated: {saturated} of the region's {pixels} pixels have "
                 f"{self._saturation_counts} counts or more at {frame.exposure_s:g} s and {frame.gain_db:g} dB",
                 not_done="the reading was thrown away",
-                to_do="make exposure_s in the recipe shorter, or gain_db in the rig file lower, or weaken the beam",
+                to_do=self._to_dim,
             )
         return self.region.mean(frame, self._saturation_counts)
 

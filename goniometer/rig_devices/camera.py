@@ -90,6 +90,9 @@ class CameraEntry(DetectorEntry):
     """A camera; read as a detector, it is the mean over a region of its pictures."""
 
     sees_whole_spot: ClassVar[bool] = False
+    to_dim: ClassVar[str] = (
+        "make exposure_s in the recipe shorter, or gain_db in the rig file lower, or weaken the beam"
+    )
 
     sample_s: float = Field(
         default=1e-6, gt=0, le=10, description="step in which it sets its exposure, in s; 1e-6 if left out"
@@ -198,6 +201,7 @@ class CameraEntry(DetectorEntry):
             saturation_counts=self.saturated_from,
             most_saturated=self.most_saturated,
             black_counts=self.sensor.black_counts or 0.0,
+            to_dim=self.to_dim,
         )
 
 

@@ -38,6 +38,9 @@ class VideoCameraEntry(CameraEntry):
     """Webcam, network stream or video file, through OpenCV; a reading is the mean of whole pictures of 8 bits."""
 
     averages_evenly = False  # it begins with the next picture
+    to_dim = (
+        "have the camera expose each picture for less, or with less gain (settings in the rig file, or at the camera)"
+    )
     opened_by: ClassVar[str] = "OpenCV"
     driver: Literal["video_camera"] = Field(description="the device's family")
     port: Annotated[str, AfterValidator(_check_video)] = Field(

@@ -14,8 +14,9 @@ from numpy.testing import assert_allclose
 
 from acquisition.protocols import Camera
 from drivers.camera.capture import SETTINGS
+from drivers.camera.frame import Frame
 from drivers.clock import WallClock
-from goniometer.errors import ConfigurationError, NotConnectedError
+from goniometer.errors import ConfigurationError, NotConnectedError, SaturatedError
 from goniometer.load_files import load_rig
 from goniometer.rig_devices.connecting import Connecting
 from goniometer.rig_devices.video_camera import VideoCameraEntry
@@ -143,3 +144,10 @@ def test_genicam_camera_whose_maker_is_not_installed(load):
 def test_no_genicam_camera_is_simulated(load):
     with pytest.raises(ConfigurationError, match="got 'simulated', but there is no simulated GenICam camera"):
         load(GENICAM, port="simulated")
+
+
+def test_too_bright_a_video_is_not_cured_by_shorter_readings(load):
+    """They are means of as bright pictures."""
+    bright = Frame(np.full((48, 64), 65535, np.uint16), 16, 0.04, 0.0, 0.0, 0)
+    with pytest.raises(SaturatedError, match="have the camera expose each picture for less"):
+        load(VIDEO).detector.photometer("camera").power_w(bright)
