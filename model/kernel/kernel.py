@@ -51,16 +51,16 @@ class Kernel:
         precision: Precision,
         counts: frozenset[str] = frozenset(),
     ) -> None:
-        graph = Graph()
-        outputs = lowered(formula({name: graph.input(name) for name in inputs}), precision)
-        self._rows = len(outputs)
-        self._numbers = {row: output for row, output in enumerate(outputs) if not isinstance(output, Symbol)}
         self._dtype = np.dtype(precision)
         self._inputs = [(np.dtype(np.uint16) if name in counts else self._dtype, name in uniform) for name in inputs]
         self._lanes = LANES[precision]
-        computed = {row: output for row, output in enumerate(outputs) if isinstance(output, Symbol)}
-        self._assembly = partial(assembly, inputs, uniform, computed, precision, counts)
-        self._code = MachineCode(self._assembly()) if computed else None
+        # A graph is large, and not needed once there is code: whoever wants other code records it again.
+        self._record = partial(_recorded, formula, inputs, precision)
+        self._assembly = partial(assembly, inputs, uniform, precision=precision, counts=counts)
+        outputs = self._record()
+        self._rows = len(outputs)
+        self._numbers = {row: output for row, output in enumerate(outputs) if not isinstance(output, Symbol)}
+        self._code = MachineCode(self._assembly(_computed(outputs))) if _computed(outputs) else None
 
     def __call__(self, arrays: Sequence[NDArray[np.floating]], count: int) -> NDArray[np.floating]:
         """Outputs (outputs, count) from one array a non-uniform input (count,) and one number a uniform one."""
@@ -106,7 +106,7 @@ class Kernel:
 
     @cached_property
     def _code_past_cache(self) -> MachineCode:
-        return MachineCode(self._assembly(past_cache=True))
+        return MachineCode(self._assembly(_computed(self._record()), past_cache=True))
 
     def _run(
         self, arrays: Sequence[NDArray[np.floating]], outputs: NDArray[np.floating], past_cache: bool = False
@@ -162,6 +162,15 @@ class Kernel:
         assert code is not None
         stride = outputs.strides[1] // outputs.itemsize
         code.call(repeats, *map(_address, (pointers, steps, moving)), first, outputs.strides[0], count, stride)
+
+
+def _recorded(formula: Formula, inputs: Sequence[str], precision: Precision) -> Sequence[Value]:
+    graph = Graph()
+    return lowered(formula({name: graph.input(name) for name in inputs}), precision)
+
+
+def _computed(outputs: Sequence[Value]) -> dict[int, Symbol]:
+    return {row: output for row, output in enumerate(outputs) if isinstance(output, Symbol)}
 
 
 def _taken(array: NDArray[Any], dtype: np.dtype[Any], uniform: bool, width: int) -> NDArray[Any]:

@@ -2,16 +2,35 @@
 
 from __future__ import annotations
 
+import gc
+import weakref
+from collections.abc import Mapping
+
 import numpy as np
 import pytest
 from numpy.testing import assert_array_equal
 
 from model.kernel import kernel as kernel_module
 from model.kernel.elementary import Precision
-from model.kernel.expression import sqrt
+from model.kernel.expression import Symbol, Value, sqrt
 from model.kernel.kernel import Kernel
 
 GUARD = -7.0
+
+
+def test_a_kernel_keeps_no_graph() -> None:
+    """Those of a surface are thousands of objects, and of kernels there may be hundreds."""
+    graphs = []
+
+    def formula(at: Mapping[str, Symbol]) -> list[Value]:
+        graphs.append(weakref.ref(at["x"].graph))
+        return [sqrt(at["x"])]
+
+    kernel = Kernel(formula, ["x"], frozenset(), "float64")
+    kernel.write([np.ones(64)], np.empty((1, 64)), past_cache=True)
+    gc.collect()
+    assert graphs
+    assert [graph() for graph in graphs] == [None] * len(graphs)
 
 
 def a_kernel(precision: Precision) -> Kernel:
