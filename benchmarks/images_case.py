@@ -12,12 +12,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from acquisition.analyzer_matrix import AnalyzerState
-from acquisition.imaging.picture_pass import PicturePass
-from acquisition.imaging.pixel_formula import PixelFormula, SensorNoise
-from acquisition.imaging.signal_image import SignalImage
-from acquisition.imaging.signal_stokes import SignalStokes
-from acquisition.imaging.stokes_image import StokesImages
-from acquisition.imaging.stokes_inverse import inverse_of
+from acquisition.imaging.light.signal_image import SignalImage
+from acquisition.imaging.stokes.picture_pass import PicturePass
+from acquisition.imaging.stokes.pixel_formula import PixelFormula, SensorNoise
+from acquisition.imaging.stokes.signal_stokes import SignalStokes
+from acquisition.imaging.stokes.stokes_image import StokesImages
+from acquisition.imaging.stokes.stokes_inverse import inverse_of
 from model.kernel.expression import Symbol, Value, maximum
 
 HEIGHT, WIDTH = 2048, 2448

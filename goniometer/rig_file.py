@@ -7,7 +7,7 @@ from typing import Annotated, Self
 
 from pydantic import Field, model_validator
 
-from acquisition.imaging.holder import HolderEntry
+from acquisition.imaging.place.holder import HolderEntry
 from acquisition.section import Section, SectionFault, refuse_all
 from drivers.collision_zones import Zone
 from goniometer.collision_zones import ZoneEntry

@@ -10,21 +10,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from acquisition.contradictions import lost_light
-from acquisition.imaging.arms import Arms
-from acquisition.imaging.corrections import Corrections
-from acquisition.imaging.direction_maps import DirectionMaps, PixelDirections
-from acquisition.imaging.exit_directions import exit_directions
-from acquisition.imaging.holder import Holder
-from acquisition.imaging.map_grid import MapGrid
-from acquisition.imaging.markers import seen
-from acquisition.imaging.optics import Optics
-from acquisition.imaging.pixel_values import outputs_of
-from acquisition.imaging.pose import Pose, pose
-from acquisition.imaging.rectify import rectified
-from acquisition.imaging.registration import Method, shifts
-from acquisition.imaging.shift import shifted
-from acquisition.imaging.signal_image import SignalImage
-from acquisition.imaging.signal_stokes import SignalStokes
+from acquisition.imaging.light.corrections import Corrections
+from acquisition.imaging.light.signal_image import SignalImage
+from acquisition.imaging.maps.direction_maps import DirectionMaps, PixelDirections
+from acquisition.imaging.place.arms import Arms
+from acquisition.imaging.place.exit_directions import exit_directions
+from acquisition.imaging.place.holder import Holder
+from acquisition.imaging.place.map_grid import MapGrid
+from acquisition.imaging.place.markers import seen
+from acquisition.imaging.place.optics import Optics
+from acquisition.imaging.place.pose import Pose, pose
+from acquisition.imaging.place.rectify import rectified
+from acquisition.imaging.place.registration import Method, shifts
+from acquisition.imaging.place.shift import shifted
+from acquisition.imaging.stokes.pixel_values import outputs_of
+from acquisition.imaging.stokes.signal_stokes import SignalStokes
 from drivers.camera.frame import Frame
 from goniometer.errors import ReductionError
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
-from acquisition.imaging.map_grid import MapGrid
+from acquisition.imaging.place.map_grid import MapGrid
 from acquisition.section import Section, SectionFault, refuse_all
 
 if TYPE_CHECKING:

@@ -8,10 +8,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from acquisition.events import MapsMade
-from acquisition.imaging.direction_maps import DirectionMaps
-from acquisition.imaging.nexus_maps import write_maps
-from acquisition.imaging.nexus_materials import write_materials
-from acquisition.imaging.pixel_fits import MaterialFits
+from acquisition.imaging.maps.direction_maps import DirectionMaps
+from acquisition.imaging.maps.nexus_maps import write_maps
+from acquisition.imaging.maps.nexus_materials import write_materials
+from acquisition.imaging.maps.pixel_fits import MaterialFits
 from goniometer.errors import FitError, ReductionError
 from goniometer.imaging.run_maps import run_maps
 from goniometer.map_drawing.files import draw_maps, draw_overview, draw_parameters

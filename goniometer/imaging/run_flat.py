@@ -6,8 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
-from acquisition.imaging.flat import Flat
-from acquisition.imaging.signal_image import SignalImage
+from acquisition.imaging.light.flat import Flat
+from acquisition.imaging.light.signal_image import SignalImage
 from goniometer.errors import ReductionError
 from goniometer.imaging.run_maps import corrections, frames_of, photographed
 from goniometer.rig_devices.camera import CameraEntry

@@ -11,18 +11,18 @@ from numpy.typing import NDArray
 
 from acquisition import journal
 from acquisition.analyzer_matrix import AnalyzerState
-from acquisition.imaging.arms import Arms
-from acquisition.imaging.bad_pixels import hot_pixels, masked_pixels
 from acquisition.imaging.chain import Chain, OnSample, Taken, without_maps
 from acquisition.imaging.choice import Imaging
-from acquisition.imaging.corrections import Corrections
-from acquisition.imaging.dark import Dark
-from acquisition.imaging.direction_maps import DirectionMaps
-from acquisition.imaging.flat import Flat
 from acquisition.imaging.frame_files import StoredFrame, load_frame
-from acquisition.imaging.linearity import Linearity
-from acquisition.imaging.sensor import Sensor
-from acquisition.imaging.stokes_inverse import inverse_of
+from acquisition.imaging.light.bad_pixels import hot_pixels, masked_pixels
+from acquisition.imaging.light.corrections import Corrections
+from acquisition.imaging.light.dark import Dark
+from acquisition.imaging.light.flat import Flat
+from acquisition.imaging.light.linearity import Linearity
+from acquisition.imaging.light.sensor import Sensor
+from acquisition.imaging.maps.direction_maps import DirectionMaps
+from acquisition.imaging.place.arms import Arms
+from acquisition.imaging.stokes.stokes_inverse import inverse_of
 from acquisition.journal import Journal
 from acquisition.readings import Reading
 from drivers.camera.frame import Frame

@@ -6,8 +6,8 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from acquisition.imaging.direction_maps import DirectionMaps
-from acquisition.imaging.pixel_fits import MaterialMaps
+from acquisition.imaging.maps.direction_maps import DirectionMaps
+from acquisition.imaging.maps.pixel_fits import MaterialMaps
 from acquisition.whole_file import written_whole
 from goniometer.map_drawing.material_page import parameters_figure
 from goniometer.map_drawing.overview import overview_figure

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from acquisition.imaging.pixel_fits import MaterialMaps
+from acquisition.imaging.maps.pixel_fits import MaterialMaps
 from goniometer.map_drawing.limits import Limits, limits
 from goniometer.map_drawing.page import NOTE_COLUMNS
 from goniometer.map_drawing.panels import (

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from acquisition.imaging.direction_maps import DirectionMaps
+from acquisition.imaging.maps.direction_maps import DirectionMaps
 from goniometer.map_drawing.blocks import GAP_IN, Blocks, arranged
 from goniometer.map_drawing.limits import HALF_TURN, Limits, limits
 from goniometer.map_drawing.page import EMPTY_SHAPE, SHOWN

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from acquisition.imaging.direction_maps import DirectionMaps
+from acquisition.imaging.maps.direction_maps import DirectionMaps
 from goniometer.map_drawing.limits import HALF_TURN, limits
 from goniometer.map_drawing.panels import (
     CYCLIC,

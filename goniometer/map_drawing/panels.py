@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from acquisition.imaging.direction_maps import DirectionMaps
-from acquisition.imaging.map_grid import MapGrid
+from acquisition.imaging.maps.direction_maps import DirectionMaps
+from acquisition.imaging.place.map_grid import MapGrid
 from goniometer.map_drawing.limits import HALF_TURN, Limits
 from goniometer.plot_style import DPI, FAINT, INK
 

@@ -9,9 +9,9 @@ from typing import Annotated, ClassVar, Self
 from pydantic import Field, model_validator
 
 from acquisition.detector_noise import NoiseModel
-from acquisition.imaging.camera_noise import camera_noise
-from acquisition.imaging.optics import Optics
-from acquisition.imaging.pixel_formula import SensorNoise
+from acquisition.imaging.light.camera_noise import camera_noise
+from acquisition.imaging.place.optics import Optics
+from acquisition.imaging.stokes.pixel_formula import SensorNoise
 from acquisition.section import Section, SectionFault, refuse_all
 from acquisition.timing import READING_S, DetectorTiming
 from drivers.camera.photometer import Photometer

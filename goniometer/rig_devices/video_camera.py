@@ -9,7 +9,7 @@ from typing import Annotated, ClassVar, Literal, Self
 from pydantic import AfterValidator, Field, model_validator
 
 from acquisition.detector_noise import NoiseModel
-from acquisition.imaging.video_noise import video_noise
+from acquisition.imaging.light.video_noise import video_noise
 from acquisition.section import SectionFault, refuse_all
 from acquisition.timing import DetectorTiming
 from goniometer.rig_devices.camera import CameraEntry

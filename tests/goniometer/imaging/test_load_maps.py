@@ -6,9 +6,9 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 import goniometer
-from acquisition.imaging.direction_maps import DirectionMaps
-from acquisition.imaging.map_grid import MapGrid
-from acquisition.imaging.nexus_maps import write_maps
+from acquisition.imaging.maps.direction_maps import DirectionMaps
+from acquisition.imaging.maps.nexus_maps import write_maps
+from acquisition.imaging.place.map_grid import MapGrid
 from goniometer.errors import JournalError
 
 GRID = MapGrid(left_mm=-3.0, top_mm=2.0, pixel_mm=0.5, width=12, height=8)

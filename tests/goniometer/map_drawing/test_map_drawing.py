@@ -10,9 +10,9 @@ import pytest
 from matplotlib.image import AxesImage, imread
 from numpy.testing import assert_allclose, assert_array_equal
 
-from acquisition.imaging.direction_maps import DirectionMaps
-from acquisition.imaging.map_grid import MapGrid
-from acquisition.imaging.pixel_fits import MaterialMaps
+from acquisition.imaging.maps.direction_maps import DirectionMaps
+from acquisition.imaging.maps.pixel_fits import MaterialMaps
+from acquisition.imaging.place.map_grid import MapGrid
 from goniometer.map_drawing.blocks import arranged
 from goniometer.map_drawing.files import draw_maps, draw_overview, draw_parameters
 from goniometer.map_drawing.limits import Limits, limits

@@ -1,0 +1,1 @@
+"""From the light behind the analyzer's states to the Stokes parameters of every pixel."""

@@ -1,0 +1,159 @@
+"""Dark of exposures between dark frames, as well as it is known; and frames that are not dark."""
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose, assert_array_equal
+
+from acquisition.imaging.light.bad_pixels import hot_pixels, masked_pixels
+from acquisition.imaging.light.dark import Dark
+from acquisition.imaging.light.linearity import Linearity
+from acquisition.imaging.light.sensor import Sensor
+from acquisition.imaging.stokes.pixel_formula import SensorNoise
+from drivers.camera.frame import Frame
+from goniometer.errors import ReductionError
+
+SENSOR = Sensor(SensorNoise(np.sqrt(2.0**2 + 1 / 12), 1.5), 4_000, bits=12)
+SHAPE = (90, 120)
+RANDOM = np.random.default_rng(21)
+RATE = RANDOM.uniform(20, 60, SHAPE)
+OFFSET = RANDOM.uniform(60, 90, SHAPE)
+
+
+def frame(exposure_s, *, gain_db=0.0, light=0.0):
+    electrons = RANDOM.poisson((RATE + light) * exposure_s * 1.5)
+    counts = np.rint(electrons / 1.5 + OFFSET + RANDOM.normal(0, 2.0, SHAPE))
+    return Frame(counts.astype(np.uint16), 12, exposure_s, gain_db, 5.0)
+
+
+def flat_frame(counts, exposure_s):
+    return Frame(np.full((4, 5), counts, np.uint16), 12, exposure_s, 0.0, 0.0)
+
+
+def assert_honest(dark, exposure_s):
+    pull = (dark.counts(exposure_s, 0.0) - OFFSET - RATE * exposure_s) / np.sqrt(dark.variance(exposure_s, 0.0))
+    assert abs(pull.mean()) < 5 / np.sqrt(pull.size)
+    assert abs(pull.std() - 1) < 5 / np.sqrt(2 * pull.size)
+
+
+def test_a_dark_of_the_same_exposure_is_the_mean_of_its_frames_and_no_other():
+    frames = [frame(0.5) for _ in range(3)]
+    dark = Dark(SENSOR, [*frames, frame(2.0)])
+    assert_allclose(dark.counts(0.5, 0.0), np.mean([one.counts for one in frames], axis=0), rtol=1e-6)
+    assert_array_equal(dark.counts(0.5002, 0.0), dark.counts(0.5, 0.0))
+
+
+@pytest.mark.parametrize("exposure_s", [0.01, 0.1, 0.7, 2.0])
+def test_darks_between_and_below_exposures_are_as_good_as_stated(exposure_s):
+    dark = Dark(SENSOR, [frame(at) for at, count in ((0.1, 6), (1.0, 3), (2.0, 4)) for _ in range(count)])
+    assert_honest(dark, exposure_s)
+
+
+def test_a_dark_between_exposures_lies_on_the_line_through_them():
+    dark = Dark(SENSOR, [flat_frame(100, 1.0), flat_frame(110, 3.0)])
+    assert_allclose(dark.counts(2.5, 0.0), 107.5, rtol=1e-6)
+    assert_allclose(dark.rate(0.0), 5.0, rtol=1e-6)
+
+
+def test_exposures_with_more_frames_draw_the_line_nearer():
+    frames = [
+        flat_frame(counts, at)
+        for at, counts, count in ((1.0, 100, 1), (2.0, 104, 7), (3.0, 104, 1))
+        for _ in range(count)
+    ]
+    slope, offset = np.polyfit([1.0, 2.0, 3.0], [100, 104, 104], 1, w=np.sqrt([1, 7, 1]))
+    assert_allclose(Dark(SENSOR, frames).counts(2.5, 0.0), offset + 2.5 * slope, rtol=1e-6)
+
+
+def test_dark_frames_are_set_right_by_the_table_of_linearity_as_all_frames_are():
+    bent = Sensor(SENSOR.noise, 4_000, bits=12, linearity=Linearity([(0, 0), (100, 100), (200, 300), (4_000, 9_000)]))
+    dark = Dark(bent, [flat_frame(150, 1.0)])
+    assert_allclose(dark.counts(1.0, 0.0), 200.0)
+    assert_allclose(dark.variance(1.0, 0.0), 4 * (4.0 + 1 / 12), rtol=1e-5)
+
+
+def test_a_bent_curve_of_the_sensor_is_no_light():
+    bent = Sensor(SENSOR.noise, 4_000, bits=12, linearity=Linearity([(0, 0), (100, 100), (200, 1_100), (4_000, 9_000)]))
+    frames = [flat_frame(50, 1.0), flat_frame(150, 12.0), flat_frame(200, 22.0)]
+    assert_allclose(Dark(bent, frames).rate(0.0), 50.0, rtol=1e-5)
+    with pytest.raises(ReductionError, match="do not rise with the exposure along a line"):
+        Dark(SENSOR, frames)
+
+
+@pytest.mark.parametrize(("exposure_s", "gain_db"), [(2.5, 0.0), (1.0, 6.0)])
+def test_an_exposure_or_gain_that_no_dark_fits_is_refused(exposure_s, gain_db):
+    dark = Dark(SENSOR, [frame(0.5), frame(2.0)])
+    with pytest.raises(ReductionError, match=r"No dark fits .* dark frames were taken of 0.5 s at 0 dB, 2 s at 0 dB"):
+        dark.counts(exposure_s, gain_db)
+
+
+def test_one_exposure_says_nothing_of_another():
+    with pytest.raises(ReductionError, match=r"No dark fits an exposure of 0.4 s at 0 dB"):
+        Dark(SENSOR, [frame(0.5)]).counts(0.4, 0.0)
+
+
+def test_a_dark_frame_that_light_fell_on_is_named():
+    frames = [frame(0.5), frame(0.5), frame(0.5, light=60.0), frame(0.5)]
+    with pytest.raises(ReductionError, match=r"Dark frame 2 \(0.5 s, .* light fell on it"):
+        Dark(SENSOR, frames)
+
+
+@pytest.mark.parametrize("lit", [0, 1, 2])
+def test_light_on_one_exposure_bends_the_line(lit):
+    frames = [frame(at, light=100.0 / at * (place == lit)) for place, at in enumerate((0.5, 1.0, 2.0))]
+    with pytest.raises(ReductionError, match=r"counts at 0.5 s, .* counts at 1 s, .* counts at 2 s\. Light fell on"):
+        Dark(SENSOR, frames)
+
+
+def test_a_short_dark_brighter_than_a_long_one_is_not_dark():
+    with pytest.raises(ReductionError, match="do not rise"):
+        Dark(SENSOR, [frame(0.5, light=300.0), frame(1.0)])
+
+
+def test_a_few_hot_pixels_are_no_light():
+    frames = [frame(0.5) for _ in range(3)]
+    for one in frames:
+        one.counts[:5, :20] = 3_000
+    assert np.count_nonzero(hot_pixels(Dark(SENSOR, frames))) == 100
+
+
+def test_a_pixel_saturated_in_any_dark_is_unknown_in_all_and_hot():
+    frames = [frame(0.5), frame(2.0)]
+    frames[1].counts[3, 4] = 4_000
+    dark = Dark(SENSOR, frames)
+    assert_array_equal(np.argwhere(np.isnan(dark.counts(0.5, 0.0))), [[3, 4]])
+    assert_array_equal(np.argwhere(hot_pixels(dark)), [[3, 4]])
+
+
+def test_darks_of_which_all_pixels_are_saturated_are_refused():
+    with pytest.raises(ReductionError, match="Every pixel is saturated in a dark frame"):
+        Dark(SENSOR, [flat_frame(4_050, 1.0)])
+
+
+def test_the_noise_of_the_dark_current_is_a_pixels_own_only_where_it_stands_out():
+    frames = [frame(0.5), frame(1.0)]
+    frames[1].counts[7, 8] = 2_000
+    rate = Dark(SENSOR, frames).rate(0.0)
+    assert rate[7, 8] == pytest.approx(2.0 * (2_000.0 - frames[0].counts[7, 8]), rel=1e-5)
+    assert_allclose(rate[0, 0], 40, atol=2)
+    assert np.mean(rate == rate[0, 0]) > 0.9
+
+
+def test_a_quiet_sensor_whose_pixels_mostly_agree_has_no_hot_ones_for_it():
+    frames = [flat_frame(100, 0.5)]
+    frames[0].counts[0, 0] = 110
+    frames[0].counts[0, 1] = 180
+    assert_array_equal(np.argwhere(hot_pixels(Dark(SENSOR, frames))), [[0, 1]])
+
+
+def test_a_mask_is_a_gray_picture(tmp_path):
+    cv2 = pytest.importorskip("cv2")
+    mask = np.zeros((6, 7), np.uint8)
+    mask[2, 3], mask[5, 6] = 255, 1
+    (tmp_path / "mask.png").write_bytes(cv2.imencode(".png", mask)[1].tobytes())
+    assert_array_equal(masked_pixels(tmp_path / "mask.png"), mask > 0)
+    (tmp_path / "colour.png").write_bytes(cv2.imencode(".png", np.dstack([mask] * 3))[1].tobytes())
+    (tmp_path / "text.png").write_text("0 0 1")
+    (tmp_path / "cut.png").write_bytes((tmp_path / "mask.png").read_bytes()[:20])
+    for name in ("colour.png", "text.png", "cut.png"):
+        with pytest.raises(ReductionError, match=f"{name} is no mask of bad pixels"):
+            masked_pixels(tmp_path / name)

@@ -1,0 +1,75 @@
+"""Sensitivity from even light, and its file."""
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose, assert_array_equal
+
+from acquisition.imaging.light.flat import Flat
+from acquisition.imaging.light.signal_image import SignalImage
+from goniometer.errors import ReductionError
+
+cv2 = pytest.importorskip("cv2")
+
+
+def even(seed=5):
+    random = np.random.default_rng(seed)
+    signal = random.uniform(700, 1_300, (20, 30)).astype(np.float32)
+    return SignalImage(signal, signal / 50)
+
+
+def test_the_mean_is_one_over_good_pixels_and_others_are_bad():
+    image = even()
+    image.signal[1, 2] = 3.0
+    image.signal[3, 4] = 50_000.0
+    image.signal[5, 6] = np.nan
+    flat = Flat.of(image)
+    assert_array_equal(np.argwhere(flat.is_bad), [[1, 2], [3, 4], [5, 6]])
+    assert_array_equal(flat.is_bad, np.isnan(flat.relative_variance))
+    is_good = ~flat.is_bad
+    assert flat.sensitivity[is_good].mean(dtype=float) == pytest.approx(1, abs=1e-6)
+    assert_allclose(flat.sensitivity[is_good], (image.signal / image.signal[is_good].mean())[is_good], rtol=1e-5)
+    assert_allclose(flat.relative_variance[is_good], 1 / 50 / image.signal[is_good], rtol=1e-5)
+    assert flat.sensitivity.dtype == flat.relative_variance.dtype == np.float32
+
+
+def test_limits_are_relative_to_the_median():
+    image = even()
+    flat = Flat.of(image, dimmest=0.9, brightest=1.1)
+    relative = image.signal / np.median(image.signal)
+    assert_array_equal(flat.is_bad, (relative < 0.9) | (relative > 1.1))
+
+
+@pytest.mark.parametrize("signal", [np.zeros((3, 4)), np.full((3, 4), np.nan), -np.ones((3, 4))])
+def test_flat_frames_without_light_make_none(signal):
+    with pytest.raises(ReductionError, match="no light in them"):
+        Flat.of(SignalImage(signal.astype(np.float32), signal.astype(np.float32)))
+
+
+def test_a_flat_comes_back_from_its_file_as_it_was(tmp_path):
+    image = even()
+    image.signal[1, 2] = 0.0
+    flat = Flat.of(image)
+    flat.save(tmp_path / "flat.tiff")
+    found = Flat.load(tmp_path / "flat.tiff")
+    assert_array_equal(found.sensitivity, flat.sensitivity)
+    assert_array_equal(found.relative_variance, flat.relative_variance)
+
+
+def test_other_files_are_no_flats(tmp_path):
+    flat = Flat.of(even())
+    flat.save(tmp_path / "flat.tiff")
+    content = (tmp_path / "flat.tiff").read_bytes()
+    good = flat.sensitivity
+    Flat(good * 1_000, good).save(tmp_path / "scaled.tiff")
+    Flat(np.where(good < good.mean(), -good, good * 3), good).save(tmp_path / "negative.tiff")
+    Flat(np.full_like(good, np.nan), good).save(tmp_path / "bad.tiff")
+    (tmp_path / "text.tiff").write_text("1 1 1")
+    (tmp_path / "empty.tiff").write_bytes(b"")
+    (tmp_path / "page.tiff").write_bytes(cv2.imencode(".tiff", good)[1].tobytes())
+    (tmp_path / "whole.tiff").write_bytes(cv2.imencodemulti(".tiff", [good.astype(np.uint16)] * 2)[1].tobytes())
+    (tmp_path / "cut.tiff").write_bytes(content[: len(content) // 2])
+    for name in ("scaled", "negative", "bad", "text", "empty", "page", "whole", "cut"):
+        with pytest.raises(ReductionError, match=rf"{name}\.tiff is no flat"):
+            Flat.load(tmp_path / f"{name}.tiff")
+    with pytest.raises(FileNotFoundError, match=r"nowhere\.tiff"):
+        Flat.load(tmp_path / "nowhere.tiff")
