@@ -116,19 +116,23 @@ class Adaptive:
 
     def _light_and_noise(self, result: FitResult, exit_deg: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Light (N, M) of the fitted surface, and the covariance (N, M, M) of one reading in every slot."""
-        stokes = light_of(result.surface)(*self._places_deg(exit_deg))
+        places_deg = self._places_deg(exit_deg)
+        stokes = light_of(result.surface)(*places_deg)
         steps = self._visits.steps(1, float(exit_deg[0]), 1, HOME)
         analyzer = [step.analyzer for step in steps if step.kind == "signal"]
         noise = [
             expected_covariance(
                 of_direction,
+                incidence,
                 angle_deg,
                 self._detection,
                 analyzer=analyzer,
                 exposure_s=self._recipe.exposure_s,
                 has_dark=self._recipe.dark,
             )
-            for of_direction, angle_deg in zip(stokes, exit_deg.tolist(), strict=True)
+            for of_direction, incidence, angle_deg in zip(
+                stokes, places_deg[0].tolist(), exit_deg.tolist(), strict=True
+            )
         ]
         return stokes[:, : len(noise[0])], np.array(noise)
 

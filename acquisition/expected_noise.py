@@ -42,9 +42,9 @@ class Detection:
     noise: NoiseModel
     dark_w: float = 0.0
 
-    def power_w(self, stokes: FloatArray, exit_deg: float, analyzer: AnalyzerState) -> float:
+    def power_w(self, stokes: FloatArray, incidence_deg: float, exit_deg: float, analyzer: AnalyzerState) -> float:
         """Mean power of a reading of light S0 to S3 in 1/sr through an analyzer."""
-        return self.dark_w + self.radiometry.arriving_w(exit_deg) * float(analyzer.row() @ stokes)
+        return self.dark_w + self.radiometry.arriving_w(incidence_deg, exit_deg) * float(analyzer.row() @ stokes)
 
 
 def light_of(surface: Surface | Acceptance) -> Light:
@@ -67,7 +67,7 @@ def expected_readings(steps: Sequence[Step], light: Light, detection: Detection)
         ended_s += step.duration_s
         power_w = detection.dark_w
         if step.kind != "dark":
-            power_w = detection.power_w(of_step, target.exit_deg, step.analyzer)
+            power_w = detection.power_w(of_step, target.incidence_deg, target.exit_deg, step.analyzer)
         readings += [
             Reading(
                 point=step.point,
@@ -105,6 +105,7 @@ def expected_points(steps: Sequence[Step], light: Light, detection: Detection) -
 
 def expected_covariance(
     stokes: FloatArray,
+    incidence_deg: float,
     exit_deg: float,
     detection: Detection,
     *,
@@ -124,8 +125,8 @@ def expected_covariance(
     ----------
     stokes : ndarray
         The S0 to S3 to be measured, shape (4,), in 1/sr.
-    exit_deg : float
-        Signed exit angle, in degrees.
+    incidence_deg, exit_deg : float
+        Incidence and signed exit angle, in degrees.
     detection : Detection
         The detector's side of the bench.
     analyzer : sequence of AnalyzerState
@@ -139,7 +140,7 @@ def expected_covariance(
     lamp : LampLevel
         What references tell of the lamp.
     """
-    here = Target(0.0, exit_deg, 0.0, 1)
+    here = Target(incidence_deg, exit_deg, 0.0, 1)
     steps = [
         Step(
             *(0, "signal", here, state.polarizer_deg, readings, exposure_s, 0.0),

@@ -44,17 +44,18 @@ class Radiometry:
     """What turns power into 1/sr: the beam's power in W and the detector's acceptance in sr.
 
     A detector `sees_whole_spot`, whose projected area shrinks with the cosine of the exit angle, or, as the pixels of a
-    camera do, an area of its own within a larger spot: then `beam_power_w` is what falls on that area straight below.
+    camera do, an area of its own within a larger spot: then `beam_power_w` is what falls on that area straight below at
+    normal incidence, and light that comes obliquely is spread over more of the sample.
     """
 
     beam_power_w: float
     acceptance_sr: float
     sees_whole_spot: bool = True
 
-    def arriving_w(self, exit_deg: float) -> float:
+    def arriving_w(self, incidence_deg: float, exit_deg: float) -> float:
         """Power that a reflectance of 1/sr sends to the detector."""
-        projected = math.cos(math.radians(exit_deg)) if self.sees_whole_spot else 1.0
-        return self.beam_power_w * self.acceptance_sr * projected
+        shrunk_deg = exit_deg if self.sees_whole_spot else incidence_deg
+        return self.beam_power_w * self.acceptance_sr * math.cos(math.radians(shrunk_deg))
 
 
 class Reduction:
@@ -221,9 +222,10 @@ class Reduction:
         readings = [reading for reading in readings if reading.kind in kinds]
         signals = [reading for reading in readings if reading.kind == "signal"]
         self._refuse_undetermined(readings)
+        incidence_deg = float(np.mean([reading.incidence_deg for reading in signals]))
         exit_deg = float(np.mean([reading.exit_deg for reading in signals]))
         levels, of_levels = lamp.at([reading.time_s for reading in signals])
-        scale_w = self._radiometry.arriving_w(exit_deg)
+        scale_w = self._radiometry.arriving_w(incidence_deg, exit_deg)
         lit = np.array([reading.kind == "signal" for reading in readings])
         rows, columns, matrix = self._design_matrix(readings)
         count = rows * columns

@@ -77,7 +77,8 @@ def run_maps(run: MeasuredRun) -> Iterator[DirectionMaps]:
         of_point = [one for one in taken if one.reading.point == point.point and one.reading.kind == "signal"]
         by_slot = {slot: [one for one in of_point if one.reading.slot == slot] for slot in _slots(of_point)}
         of_states = [levels.at([one.reading.time_s for one in of_slot])[0].mean() for of_slot in by_slot.values()]
-        per_sr = camera.watts_per_count_per_s / detection(run.recipe, run.rig).radiometry.arriving_w(point.exit_deg)
+        arriving_w = detection(run.recipe, run.rig).radiometry.arriving_w(point.incidence_deg, point.exit_deg)
+        per_sr = camera.watts_per_count_per_s / arriving_w
         there = _taken(of_point, tuple(per_sr / float(level) for level in of_states))
         grid = None if imaging.area is None else imaging.area.grid
         try:

@@ -59,7 +59,9 @@ class HttpCameraDevice(SimulatedDevice):
     distance_mm: float = Field(gt=0, le=1e5, description="from its projection centre to the middle of the plate")
     acceptance_sr: float = Field(gt=0, le=0.1, description="solid angle of its aperture, in sr")
     pixel_share: float = Field(
-        gt=0, le=1, description="share of the beam that falls on what one pixel sees from straight above"
+        gt=0,
+        le=1,
+        description="share of the beam that falls, at normal incidence, on what one pixel sees from straight above",
     )
     joules_per_count: float = Field(
         gt=0, le=1, description="energy on a pixel for each count at a gain of 0 dB, whatever the bits"

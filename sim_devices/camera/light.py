@@ -26,8 +26,8 @@ Cover: TypeAlias = Callable[[Layout], Layout]
 class PlateLight:
     """What the plate sends through analyzer and lens, where arms and analyzer are in the middle of an exposure.
 
-    Each pixel sees lamp · share · acceptance · (row · Stokes in 1/sr), without the cosine of the exit angle, because
-    the lit spot is larger than the picture.
+    Each pixel sees lamp · share · cos(incidence) · acceptance · (row · Stokes in 1/sr), without the cosine of the exit
+    angle, because the lit spot is larger than the picture.
 
     Parameters
     ----------
@@ -38,7 +38,7 @@ class PlateLight:
     lens : sequence of AnyOptics
         What the lens and the polarizer do to pictures.
     pixel_share : float
-        Share of the beam that falls on what a pixel sees from straight above.
+        Share of the beam that falls, at normal incidence, on what a pixel sees from straight above.
     """
 
     def __init__(self, world: World, view: View, lens: Sequence[AnyOptics], pixel_share: float) -> None:
@@ -75,8 +75,10 @@ class PlateLight:
         if row is None:
             return None
         added, made = self._way(moment)
+        incidence_deg = world.angle_deg["source_arm"](time_s)
+        seen_w = self._pixel_share * self._lamp_w(time_s) * max(0.0, math.cos(math.radians(incidence_deg)))
         # of the stack's own kind, which is not copied then
-        seen_by = (self._pixel_share * self._lamp_w(time_s) * world.acceptance_sr * (row @ made)).astype(np.float32)
+        seen_by = (seen_w * world.acceptance_sr * (row @ made)).astype(np.float32)
         picture = np.tensordot(seen_by, self._stokes(time_s), 1) + np.float32(self._pixel_share * (row @ added))
         seen = seen_through(self._lens, picture, self._view, world.analyzer.polarizer_deg(time_s))
         return np.maximum(seen, 0.0, dtype=np.float64)

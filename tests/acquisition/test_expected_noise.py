@@ -64,7 +64,7 @@ def test_readings_follow_each_other_within_their_steps():
 def test_the_covariance_of_a_direction_is_that_of_the_scan():
     for point, readings in zip(expected_points(steps_of(), light, DETECTION), (2, 3, 5), strict=True):
         stokes = light(60.0, np.array([point.exit_deg]))[0]
-        alone = expected_covariance(stokes, point.exit_deg, DETECTION, readings=readings, **SETTING)
+        alone = expected_covariance(stokes, 60.0, point.exit_deg, DETECTION, readings=readings, **SETTING)
         assert_allclose(alone, point.covariance, rtol=1e-9, atol=1e-18)
 
 
@@ -106,11 +106,11 @@ def test_light_behind_a_retarder_reduces_to_all_four_with_the_predicted_covarian
 
 
 def test_the_covariance_goes_with_readings_and_exposure():
-    once = expected_covariance(STOKES, 20.0, DETECTION, **SETTING)
+    once = expected_covariance(STOKES, 60.0, 20.0, DETECTION, **SETTING)
     assert_allclose(
-        expected_covariance(STOKES, 20.0, DETECTION, readings=7, **SETTING), once / 7.0, rtol=1e-9, atol=1e-18
+        expected_covariance(STOKES, 60.0, 20.0, DETECTION, readings=7, **SETTING), once / 7.0, rtol=1e-9, atol=1e-18
     )
-    longer = expected_covariance(STOKES, 20.0, DETECTION, **{**SETTING, "exposure_s": 0.21})
+    longer = expected_covariance(STOKES, 60.0, 20.0, DETECTION, **{**SETTING, "exposure_s": 0.21})
     assert_allclose(longer, once / 7.0, rtol=1e-9, atol=1e-18)
 
 
@@ -130,7 +130,7 @@ def test_the_covariance_is_the_scatter_of_noisy_readings(has_dark):
 
     scattered = [reduction.scan([noisy(reading) for reading in readings])[0].stokes for _ in range(1500)]
     stokes = light(60.0, np.array([20.0]))[0]
-    expected = expected_covariance(stokes, 20.0, bright, readings=4, has_dark=has_dark, **SETTING)
+    expected = expected_covariance(stokes, 60.0, 20.0, bright, readings=4, has_dark=has_dark, **SETTING)
     root = np.linalg.inv(np.linalg.cholesky(expected))
     assert_allclose(root @ np.cov(scattered, rowvar=False) @ root.T, np.eye(3), atol=0.15)
 

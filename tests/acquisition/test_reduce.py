@@ -52,6 +52,18 @@ def test_any_set_of_three_or_more_angles_gives_the_light_back(angles_deg):
     assert_allclose(point.aolp_deg, math.degrees(0.5 * math.atan2(0.07, -0.12)), rtol=1e-12)
 
 
+@pytest.mark.parametrize(("incidence_deg", "exit_deg"), [(0.0, 60.0), (20.0, 0.0), (70.0, 35.0)])
+def test_pixels_see_more_of_a_spot_that_is_larger_and_darker_the_more_obliquely_each_is_met(incidence_deg, exit_deg):
+    """A plate that scatters evenly: every pixel sees irradiance · cos(incidence) / pi, from wherever it looks."""
+    seen_w = BEAM_W * ACCEPTANCE_SR * math.cos(math.radians(incidence_deg)) / math.pi
+    readings = [
+        replace(reading("signal", seen_w / 2, angle_deg=angle, exit_deg=exit_deg), incidence_deg=incidence_deg)
+        for angle in (0, 45, 90, 135)
+    ]
+    pixels = Reduction(Radiometry(BEAM_W, ACCEPTANCE_SR, sees_whole_spot=False), QUIET, has_dark=False)
+    assert_allclose(pixels.point(readings, LampLevel()).stokes, [1 / math.pi, 0.0, 0.0], rtol=1e-12, atol=1e-15)
+
+
 def test_s_polarized_light_is_positive_s1_and_passes_the_polarizer_at_zero():
     along_s = [
         reading("signal", 1e-9 if a == 0 else 0.5e-9 if a in (45, 135) else 0.0, angle_deg=a) for a in (0, 45, 90, 135)

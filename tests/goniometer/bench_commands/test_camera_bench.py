@@ -18,7 +18,7 @@ CAMERA = {
     "focal_px": 720,
     "distance_mm": 500,
     "acceptance_sr": 4.5e-4,
-    "pixel_share": 2.5e-6,
+    "pixel_share": 5e-6,
     "joules_per_count": 3e-19,
 }
 SENSOR = {"read_counts": 4, "electrons_per_count": 0.5}

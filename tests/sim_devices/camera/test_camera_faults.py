@@ -22,7 +22,7 @@ MARKED = {
     "size_mm": [60, 40],
     "markers": {"dictionary": "4x4_50", "size_mm": 8, "at_mm": {0: [-12, 6], 1: [12, 6], 2: [-12, -8], 3: [12, -8]}},
 }
-SHARP = {"width_px": 160, "height_px": 120, "focal_px": 300.0, "joules_per_count": 2e-14}
+SHARP = {"width_px": 160, "height_px": 120, "focal_px": 300.0, "joules_per_count": 1.3e-14}
 
 
 @pytest.fixture
