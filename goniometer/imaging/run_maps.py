@@ -26,6 +26,7 @@ from acquisition.imaging.stokes.stokes_inverse import inverse_of
 from acquisition.journal import Journal
 from acquisition.readings import Reading
 from drivers.camera.frame import Frame
+from drivers.camera.region import Region
 from goniometer.errors import JournalError, ReductionError
 from goniometer.imaging.sensor_files import BAD_PIXELS, FLAT
 from goniometer.planning import detection, reduction
@@ -67,7 +68,7 @@ def run_maps(run: MeasuredRun) -> Iterator[DirectionMaps]:
     assert isinstance(camera, CameraEntry), "such a recipe is accepted only with a camera"
     taken = photographed(run.folder)
     chain = Chain(
-        corrections(run.folder, camera, taken, sensitivity(run.folder)),
+        corrections(run.folder, camera, taken, sensitivity(run.folder, camera.region.region)),
         inverse_of(*_analyzer(run)),
         imaging.registration,
         _on_sample(imaging, camera, run),
@@ -130,9 +131,9 @@ def _taken(of_point: Sequence[Photographed], per_sr: tuple[float, ...]) -> Taken
     return Taken(readings[0].point, arms, has_exit_azimuth, (), per_sr)
 
 
-def sensitivity(folder: Path) -> Flat | None:
-    """That of the pixels, which a run keeps if its rig names it."""
-    return Flat.load(folder / FLAT) if (folder / FLAT).exists() else None
+def sensitivity(folder: Path, region: Region) -> Flat | None:
+    """That of the pixels beside the region's, which power is known of; a run keeps it if its rig names it."""
+    return Flat.load(folder / FLAT).beside(region) if (folder / FLAT).exists() else None
 
 
 def corrections(

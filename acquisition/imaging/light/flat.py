@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from acquisition.imaging.light.signal_image import SignalImage
+from drivers.camera.region import Region
 from goniometer.errors import ReductionError
 
 Map = NDArray[np.float32]
@@ -56,6 +57,22 @@ class Flat:
         relative_variance: Map = even.variance / (signal * signal)
         signal /= np.float32(np.mean(signal, where=is_good, dtype=np.float64))
         return cls(signal, relative_variance)
+
+    def beside(self, region: Region) -> Flat:
+        """The same with the mean 1 over a region, which is then as bright as without a flat.
+
+        Raises
+        ------
+        ReductionError
+            When all of the region's pixels are bad.
+        """
+        within = self.sensitivity[region.top : region.top + region.height, region.left : region.left + region.width]
+        if not np.isfinite(within).any():
+            raise ReductionError(
+                "The flat knows nothing of the region that the rig names: all of its pixels are bad. No direction has "
+                "a map. Choose another region, or make the flat again."
+            )
+        return Flat(self.sensitivity / np.float32(np.nanmean(within, dtype=np.float64)), self.relative_variance)
 
     @property
     def is_bad(self) -> NDArray[np.bool_]:

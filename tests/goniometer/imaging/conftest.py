@@ -126,9 +126,9 @@ def no_map_pictures(map_drawing):
 
 @pytest.fixture
 def camera_recipe(tmp_path):
-    """Writes a recipe with its rig and scene; `sensor` is the simulated one's, `camera` joins the rig's entry."""
+    """Writes a recipe with its rig and scene; `sensor` and `lens` are simulated, `camera` joins the rig's entry."""
 
-    def written(exit_deg=(0, 30, 60), sensor=None, camera=None, patches=True, **changes):
+    def written(exit_deg=(0, 30, 60), sensor=None, lens=(), camera=None, patches=True, **changes):
         rig = yaml.safe_load((ROOT / "rigs" / "simulated_camera.yaml").read_text())
         scene = yaml.safe_load((ROOT / "scenes" / "two_materials.yaml").read_text())
         recipe = yaml.safe_load((ROOT / "recipes" / "two_materials.yaml").read_text())
@@ -139,7 +139,7 @@ def camera_recipe(tmp_path):
         held |= SMALL | {"region": {"left": 40, "top": 30, "width": 16, "height": 12}} | (camera or {})
         held["optics"] |= {"focal_px": 720, "centre_px": [47.5, 35.5]}
         simulated = scene["devices"]["camera"]
-        del simulated["lens"]
+        simulated["lens"] = list(lens)
         simulated |= SMALL | {"focal_px": 720, "centre_px": [47.5, 35.5]}
         simulated["sensor"] |= sensor or {}
         recipe |= {"rig": "rig.yaml", "exit_deg": list(exit_deg), "imaging": {"exposures": [1, 0.1]}, **changes}

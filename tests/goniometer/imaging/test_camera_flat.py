@@ -10,8 +10,10 @@ import goniometer
 from goniometer.cli import cli
 from goniometer.errors import ReductionError
 from goniometer.imaging.run_flat import flat_of_run
+from goniometer.run_folder import measured
 
 UNEVEN = {"prnu": 0.05}
+DARK_CORNERS = [{"effect": "vignetting", "polynomial": [-20.0]}]
 REPEATS = 20
 
 
@@ -24,7 +26,7 @@ def test_uneven_pixels_are_taken_out_by_a_flat(camera_recipe, tmp_path):
     def run(recipe):
         return goniometer.run(recipe, speed="max", out=tmp_path / "runs", live_fit=False).folder
 
-    even = {"patches": False, "sensor": UNEVEN}
+    even = {"patches": False, "sensor": UNEVEN, "lens": DARK_CORNERS}
     of_flat = run(camera_recipe([0], **even, readings=REPEATS))
     done = CliRunner().invoke(cli, ["export", str(of_flat), "--flat", str(tmp_path / "flat.tiff")])
     assert done.exit_code == 0, done.output
@@ -51,6 +53,9 @@ def test_uneven_pixels_are_taken_out_by_a_flat(camera_recipe, tmp_path):
     light, error = light_of(corrected)
     # the flat's light is itself not quite even, which is as smooth as the plate's own shading and stays
     assert_allclose(scatter(light), np.nanmedian(error / light), rtol=0.1)
+    # calibrated with the region, which is in the bright middle
+    of_region = measured(corrected).points[0].stokes
+    assert_allclose(light[30:42, 40:56].mean(), of_region[0], rtol=0.004)
     assert np.isnan(light[3, 5])
     assert np.isfinite(light).sum() > 0.99 * light.size
 

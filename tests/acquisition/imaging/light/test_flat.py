@@ -6,6 +6,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from acquisition.imaging.light.flat import Flat
 from acquisition.imaging.light.signal_image import SignalImage
+from drivers.camera.region import Region
 from goniometer.errors import ReductionError
 
 cv2 = pytest.importorskip("cv2")
@@ -30,6 +31,25 @@ def test_the_mean_is_one_over_good_pixels_and_others_are_bad():
     assert_allclose(flat.sensitivity[is_good], (image.signal / image.signal[is_good].mean())[is_good], rtol=1e-5)
     assert_allclose(flat.relative_variance[is_good], 1 / 50 / image.signal[is_good], rtol=1e-5)
     assert flat.sensitivity.dtype == flat.relative_variance.dtype == np.float32
+
+
+def test_the_light_of_a_region_is_what_it_was_without_a_flat():
+    """For it was with that region's counts that power was calibrated."""
+    image, region = even(), Region(4, 2, 7, 9)
+    image.signal[3, 5] = np.nan
+    flat = Flat.of(image)
+    beside, within = flat.beside(region), (slice(2, 11), slice(4, 11))
+    assert abs(np.nanmean(flat.sensitivity[within]) - 1) > 0.01
+    assert np.nanmean(beside.sensitivity[within]) == pytest.approx(1, abs=1e-6)
+    assert_allclose(beside.sensitivity / beside.sensitivity[0, 0], flat.sensitivity / flat.sensitivity[0, 0], rtol=1e-6)
+    assert_array_equal(beside.relative_variance, flat.relative_variance)
+
+
+def test_a_region_of_bad_pixels_alone_is_refused():
+    image = even()
+    image.signal[2:5, 3:6] = np.nan
+    with pytest.raises(ReductionError, match=r"nothing of the region .* No direction has a map\. Choose"):
+        Flat.of(image).beside(Region(3, 2, 3, 3))
 
 
 def test_limits_are_relative_to_the_median():
