@@ -27,6 +27,9 @@ LAMP_WATCHED = {
     "reference": {"exit_deg": 30, "every_points": 1},
 }
 SLOW = LAMP_WATCHED | {"readings": 1, "exposure_s": 0.4}
+# two exposures a reading; of the maps, which cost more than the scan, nothing is judged here
+PICTURES = LAMP_WATCHED | {"dark": True, "imaging": {"exposures": [1, 0.25]}}
+BLACK_COUNTS = 200
 NEAR_HOME_DEG = {"source_arm": 1.0, "detector_arm": 1.0, "sample_azimuth": 3.0, "polarizer": 5.0}
 FOUR_SLOTS = {1: 0, 2: 45, 3: 90, 4: 135}
 
@@ -102,6 +105,32 @@ def _bus() -> tuple[Devices, Devices]:
     return rig, scene
 
 
+def _camera() -> tuple[Devices, Devices]:
+    """A camera with few pixels, that costs no more than a detector without any."""
+    picture = {"width_px": 32, "height_px": 24}
+    rig = {
+        "driver": "http_camera",
+        "port": "simulated",
+        "bits": 16,
+        "readout_s": 0.02,
+        "region": {"left": 14, "top": 10, "width": 4, "height": 4},
+        "watts_per_count_per_s": 1.2e-20,
+        "saturation_counts": 65000,
+        "sensor": {"read_counts": 4, "electrons_per_count": 0.5, "black_counts": BLACK_COUNTS},
+    }
+    scene = {
+        "type": "http_camera",
+        "focal_px": 240,
+        "distance_mm": 500,
+        "acceptance_sr": 4.5e-4,
+        "pixel_share": 2.5e-6,
+        "joules_per_count": 1.2e-20,
+        "readout_s": 0.02,
+        "sensor": {"dark_counts": BLACK_COUNTS},
+    }
+    return {"camera": rig | picture}, {"camera": scene | picture}
+
+
 # a polarizer in a rotator is within 0.1 degrees of its slot, elsewhere at each visit
 _ROTATOR_SHARE = 4e-3
 # a lock-in still sees 1e-4 of the light of the last slot, less when it is asked later
@@ -116,6 +145,7 @@ KINDS: dict[str, Kind] = {
     "drives, RTU": Kind("simulated iron_noise_free", LAMP_WATCHED, *({"arms": None} | part for part in _drives("rtu"))),
     "drives, gateway": Kind("simulated iron_noise_free", {}, *({"arms": None} | part for part in _drives("tcp"))),
     "Elliptec bus": Kind("simulated iron_noise_free", {}, *({"arms": None} | part for part in _bus())),
+    "camera": Kind("simulated_camera two_materials", PICTURES, *_camera()),
 }
 
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from benches import KINDS, ShortScan, short_scan
+from pictures import DARK, are_same, is_of_pictures, wrong_pictures
 from scanned import Hang, Outcome, make_impatient, scanned, time_limit, without_faults
 from schedules import schedule
 from struck import Struck
@@ -51,7 +52,7 @@ def judged(seed: int) -> Verdict:
         drawn.bench,
         tuple(fault["fault"] for fault in drawn.faults),
         outcome.struck,
-        "violation" if wrong else _ending(drawn.bench, outcome),
+        "violation" if wrong else _ending(drawn.bench, drawn.faults, outcome),
         tuple(wrong),
         time.monotonic() - start_s,
         outcome.duration_s,
@@ -76,9 +77,14 @@ def violations(bench: str, faults: Sequence[dict[str, Any]], outcome: Outcome) -
     if len(outcome.rows) > len(expected.rows):
         yield f"{len(outcome.rows)} readings are stored, and {len(expected.rows)} were to be taken"
     ends_s = [*(reading.time_s for reading in outcome.rows[1:]), outcome.duration_s]
-    for reading, right, end_s in zip(outcome.rows, expected.rows, ends_s, strict=False):
-        if not (_is_same(scan, reading, right) or _is_dark(scan, reading, right, end_s, faults)):
+    for reading, frames, right, end_s in zip(outcome.rows, outcome.frames, expected.rows, ends_s, strict=False):
+        if frames:
+            is_right = _is_there(scan, reading, right) and is_of_pictures(scan, reading, frames)
+        else:
+            is_right = _is_same(scan, reading, right) or _is_dark(scan, reading, right, end_s, faults)
+        if not is_right:
             yield f"wrong reading {reading}"
+    yield from wrong_pictures(scan, faults, outcome)
     if outcome.error is None and len(outcome.rows) != len(expected.rows):
         yield f"{len(outcome.rows)} readings of {len(expected.rows)}, and no error"
     failures = _errors_in(outcome.error)
@@ -87,40 +93,44 @@ def violations(bench: str, faults: Sequence[dict[str, Any]], outcome: Outcome) -
             yield f"an error that names no device: {failure!r}"
     if outcome.moving and not any("may still be moving" in str(failure) for failure in failures):
         yield f"{' and '.join(outcome.moving)} moves on, and nothing says so"
-    if outcome.doubts and not any(fault["fault"] == "lamp_off" for fault in faults):
-        yield f"the light is doubted, and no lamp was out: {outcome.doubts}"
+    if outcome.doubts and not _is_dark_at_times(faults):
+        yield f"the light is doubted, and it was never dark: {outcome.doubts}"
 
 
-def _ending(bench: str, outcome: Outcome) -> str:
+def _ending(bench: str, faults: Sequence[dict[str, Any]], outcome: Outcome) -> str:
     if outcome.moving:
         return "not stopped, and said so"
     if outcome.error is not None:
         return type(_errors_in(outcome.error)[0]).__name__
-    pairs = zip(outcome.rows, without_faults(bench).rows, strict=False)
-    is_same = all(_is_same(short_scan(bench), reading, right) for reading, right in pairs)
-    if is_same:
+    scan, expected = short_scan(bench), without_faults(bench)
+    is_same = all(_is_same(scan, *pair) for pair in zip(outcome.rows, expected.rows, strict=False))
+    if is_same and are_same(outcome.frames, expected.frames):
         return "same data"
+    if not any(fault["fault"] == "lamp_off" for fault in faults):
+        return "true pictures of a fault"
     return "lamp out, and said so" if outcome.doubts else "lamp out between references"
 
 
-def _is_same(scan: ShortScan, reading: Reading, right: Reading) -> bool:
-    """Whether all is the same but the time; angles to within the axes' tolerance."""
+def _is_there(scan: ShortScan, reading: Reading, right: Reading) -> bool:
+    """Whether a reading is of the same place; angles to within the axes' tolerance."""
     axes = scan.rig.axes()
     angles = (
         ("source_arm", reading.incidence_deg - right.incidence_deg),
         ("detector_arm", reading.exit_deg - right.exit_deg),
         ("sample_azimuth", reading.azimuth_deg - right.azimuth_deg),
     )
+    return _place(reading) == _place(right) and all(abs(off) <= axes[role].tolerance_deg for role, off in angles)
+
+
+def _is_same(scan: ShortScan, reading: Reading, right: Reading) -> bool:
+    """Whether all is the same but the time."""
     off_w = scan.share * max(row.power_w for row in without_faults(scan.name).rows)
-    return (
-        _place(reading) == _place(right)
-        and abs(reading.power_w - right.power_w) <= off_w
-        and all(abs(off) <= axes[role].tolerance_deg for role, off in angles)
-    )
+    is_as_long = reading.exposure_s == right.exposure_s
+    return _is_there(scan, reading, right) and is_as_long and abs(reading.power_w - right.power_w) <= off_w
 
 
 def _place(reading: Reading) -> tuple[Any, ...]:
-    return reading.point, reading.kind, reading.repeat, reading.slot, reading.exposure_s
+    return reading.point, reading.kind, reading.repeat, reading.slot
 
 
 def _is_dark(scan: ShortScan, reading: Reading, right: Reading, end_s: float, faults: Sequence[dict[str, Any]]) -> bool:
@@ -130,7 +140,12 @@ def _is_dark(scan: ShortScan, reading: Reading, right: Reading, end_s: float, fa
     """
     is_out = any(fault["fault"] == "lamp_off" and fault["at_s"] <= end_s for fault in faults)
     most_w = right.power_w if scan.share else 0.0
-    return is_out and 0.0 <= reading.power_w <= most_w and _place(reading) == _place(right)
+    is_there = _place(reading) == _place(right) and reading.exposure_s == right.exposure_s
+    return is_out and is_there and 0.0 <= reading.power_w <= most_w
+
+
+def _is_dark_at_times(faults: Sequence[dict[str, Any]]) -> bool:
+    return any(fault["fault"] in DARK for fault in faults)
 
 
 def _names_device(scan: ShortScan, failure: BaseException) -> bool:
@@ -139,8 +154,8 @@ def _names_device(scan: ShortScan, failure: BaseException) -> bool:
 
 
 def _names_lamp(failure: BaseException, faults: Sequence[dict[str, Any]]) -> bool:
-    is_out = any(fault["fault"] == "lamp_off" for fault in faults)
-    return is_out and isinstance(failure, ReductionError) and "the lamp level cannot be followed" in str(failure)
+    is_said = isinstance(failure, ReductionError) and "the lamp level cannot be followed" in str(failure)
+    return is_said and _is_dark_at_times(faults)
 
 
 def _errors_in(error: BaseException | None) -> list[BaseException]:

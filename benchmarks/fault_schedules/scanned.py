@@ -18,14 +18,18 @@ from struck import Struck, watched
 
 from acquisition.engine import Engine, stopped_afterwards
 from acquisition.events import Event, ReadingStored, ScanDoubted, ScanEnded
+from acquisition.imaging.frame_files import FOLDER, load_frame
 from acquisition.journal import Journal
 from acquisition.pipeline import Pipeline
 from acquisition.readings import Reading
 from acquisition.time_left import TimeLeft
+from drivers.camera.frame import Frame
 from drivers.clock import Deadline
 from drivers.wire.link import Link
 from goniometer import assembly
+from goniometer.imaging.photographing import photographing
 from goniometer.planning import course, plan, reduction
+from goniometer.rig_devices.camera import CameraEntry
 from sim_devices.bench import Bench
 from sim_devices.serving.clock import VirtualClock
 
@@ -54,10 +58,13 @@ class Hang(BaseException):
 class Outcome:
     """How a scan ended: what is stored, what was shown, what failed, which axes still move, and which faults struck.
 
+    `frames` are each reading's pictures, as they come out of their files again; `stray_files` are those of no reading.
     `doubts` are what a person is told of the light at the end of a scan.
     """
 
     rows: tuple[Reading, ...] = ()
+    frames: tuple[tuple[Frame, ...], ...] = ()
+    stray_files: set[str] = field(default_factory=set)
     shown: list[Reading] = field(default_factory=list)
     doubts: list[str] = field(default_factory=list)
     error: BaseException | None = None
@@ -89,6 +96,8 @@ def scanned(name: str, faults: Sequence[dict[str, Any]], seed: int) -> Outcome:
             way = course(scan.recipe, scan.rig, clock, pipeline.publish, time_left.step_done)
             try:
                 with assembly.connected(scan.rig, scan.ports(bench), clock, 550.0) as devices:
+                    if isinstance(scan.rig.detector, CameraEntry):
+                        devices = photographing(devices, scan.recipe)
                     engine = Engine(devices, clock, journal, pipeline.publish, check, time_left)
                     with stopped_afterwards(devices, clock):
                         engine.home()
@@ -99,7 +108,10 @@ def scanned(name: str, faults: Sequence[dict[str, Any]], seed: int) -> Outcome:
             except (Exception, Hang) as error:  # noqa: BLE001 (judged afterwards)
                 outcome.error = error
         with Journal.open(journal.path) as journal:
-            outcome.rows = journal.readings()
+            outcome.rows, stored = journal.readings(), journal.frames()
+        outcome.frames = tuple(tuple(load_frame(Path(folder), one) for one in each) for each in stored)
+        files = {f"{FOLDER}/{path.name}" for path in (Path(folder) / FOLDER).glob("*")}
+        outcome.stray_files = files - {one.file for each in stored for one in each}
         outcome.duration_s = clock.now()
         clock.sleep(REST_S)
         now_s = clock.now()

@@ -12,7 +12,6 @@ from benches import KINDS, short_scan
 
 from sim_devices.bench import Bench
 from sim_devices.faults.entry import AxisFault, DeviceFault, Fault, ReplyFault
-from sim_devices.faults.hooks import TakesPictures
 from sim_devices.faults.known import ALL, one_fault
 from sim_devices.serving.clock import VirtualClock
 
@@ -41,6 +40,10 @@ def _soon(chance: Random) -> float:
     return round(chance.random() ** 3, 3)
 
 
+def _few(chance: Random) -> int:
+    return chance.choice((1, 1, 1, 2, 3, 10))
+
+
 KEYS: dict[str, dict[str, Draw]] = {
     "late": {"late_s": _seconds(0.01, 4.0)},
     "slow_drip": {},
@@ -67,6 +70,17 @@ KEYS: dict[str, dict[str, Draw]] = {
     "wheel_by_hand": {},
     "detector_saturated": {"for_s": _seconds(0.01, 2.0)},
     "lamp_off": {"for_s": _seconds(0.1, 10.0)},
+    "frame_corrupt": {"frames": _few, "wrong_bytes": _one_of(1, 8, 64)},
+    "frame_cut": {"frames": _few, "lost_bytes": _one_of(1, 12, 300, 1000)},
+    "frame_wrong_size": {"frames": _few},
+    "frame_stale": {"frames": _few},
+    # what lasts for longer than the pictures that are thrown away at first is the camera's clock, for all one can see
+    "frame_time_shifted": {"frames": _one_of(1, 2), "early_s": _seconds(0.005, 4.0)},
+    "frame_dropped": {"frames": _few},
+    "frame_saturated": {"frames": _few, "share": _one_of(1.0, 0.3)},
+    "frame_dark": {"frames": _few},
+    "markers_hidden": {"markers": _one_of([0], [1, 2], [0, 1, 2, 3]), "for_s": _seconds(0.1, 10.0)},
+    "marker_misprinted": {"marker": _one_of(1, 3), "shows": _one_of(2, 9), "for_s": _seconds(0.1, 10.0)},
 }
 """What is drawn for each fault besides the moment, the device or axis, and the number of replies."""
 
@@ -97,8 +111,6 @@ def possible_faults(name: str) -> dict[type[Fault], tuple[str, ...]]:
         for kind in ALL:
             if is_of(kind) == "lamp_off" and scan.recipe.reference is None:
                 continue  # nobody could see it
-            if TakesPictures in kind.needs:
-                continue  # none of these benches has a camera
             targets: list[str] = [""]
             if issubclass(kind, AxisFault):
                 targets = [role for device in scene.devices.values() for role in device.roles()]
@@ -125,5 +137,5 @@ def _drawn(kind: type[Fault], target: str, chance: Random) -> Drawn:
     elif issubclass(kind, DeviceFault):
         fault["device"] = target
     if issubclass(kind, ReplyFault):
-        fault["replies"] = chance.choice((1, 1, 1, 2, 3, 10))
+        fault["replies"] = _few(chance)
     return fault | {key: draw(chance) for key, draw in KEYS[is_of(kind)].items()}

@@ -9,6 +9,7 @@ from unittest import mock
 
 import numpy as np
 
+from sim_devices.faults.camera import ExposureFault, FileFault
 from sim_devices.faults.entry import Fault, MotionFault, ReplyFault
 from sim_devices.faults.known import ALL
 from sim_devices.faults.light import DetectorSaturated, LampOff
@@ -22,8 +23,8 @@ _LIGHT: dict[type[Fault], str] = {DetectorSaturated: "signal_w", LampOff: "arriv
 def watched(scene: Scene) -> Iterator[Struck]:
     """Note each fault, with the type of the device, once it is felt while the block lasts.
 
-    That is when a reply is disturbed, a moving axis is, or a reading is made in other light; of other faults, when the
-    device or its port is struck.
+    That is when a reply, a picture or a moving axis is disturbed, or a reading is made in other light; of other faults,
+    when the device or its port is struck.
     """
     struck: Struck = set()
     detector = next(device.type for device in scene.devices.values() if device.part == "detector")
@@ -36,6 +37,10 @@ def watched(scene: Scene) -> Iterator[Struck]:
         for kind in ALL:
             if issubclass(kind, ReplyFault):
                 method, noting = "disturbed", _before(kind.disturbed, note)
+            elif issubclass(kind, ExposureFault):
+                method, noting = "shot", _before(kind.shot, note)
+            elif issubclass(kind, FileFault):
+                method, noting = "spoilt", _before(kind.spoilt, note)
             elif issubclass(kind, MotionFault):
                 method, noting = "strike_in_motion", _if_moving(kind.strike_in_motion, note)
             elif kind in _LIGHT:
