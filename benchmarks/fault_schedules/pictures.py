@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import functools
 import json
+import math
 from collections.abc import Iterator, Sequence
 from itertools import combinations
 from typing import Any
@@ -28,8 +29,8 @@ DARK = "lamp_off", "frame_dark"
 """Faults through which a camera sees nothing, and says so truly."""
 
 _MARKERS = "markers_hidden", "marker_misprinted"
-_TOLERANCE_S = 0.005
-"""Of the camera's own times."""
+_TOLERANCE_S, _SAME_EXPOSURE = 0.005, 1.001e-3
+"""Of the camera's own times, and of exposures that it names, which round them."""
 
 
 def wrong_pictures(scan: ShortScan, faults: Sequence[Fault], outcome: Outcome) -> Iterator[str]:
@@ -51,8 +52,8 @@ def wrong_pictures(scan: ShortScan, faults: Sequence[Fault], outcome: Outcome) -
     stored = zip(outcome.rows, outcome.frames, without_faults(scan.name).frames, ends_s, strict=False)
     for place, (reading, frames, right, end_s) in enumerate(stored):
         begun = [fault for fault in faults if fault["at_s"] <= end_s]
-        if list(map(_how, frames)) != list(map(_how, right)):
-            yield f"other pictures than {list(map(_how, right))}: {list(map(_how, frames))}, {reading}"
+        if not _are_taken_alike(frames, right):
+            yield f"pictures {frames} in place of {right}: {reading}"
             continue
         for exposure, frame in enumerate(frames):
             if not any(np.array_equal(frame.counts, seen) for seen in _to_be_seen(scan.name, begun, place, exposure)):
@@ -80,14 +81,19 @@ def is_of_pictures(scan: ShortScan, reading: Reading, frames: Sequence[Frame]) -
 def are_same(pictures: Sequence[Sequence[Frame]], right: Sequence[Sequence[Frame]]) -> bool:
     """Whether pictures are bit by bit those of the scan without faults, as far as they go."""
     return all(
-        _how(frame) == _how(one) and np.array_equal(frame.counts, one.counts)
-        for each, right_ones in zip(pictures, right, strict=False)
-        for frame, one in zip(each, right_ones, strict=True)
+        _are_taken_alike(frames, wanted)
+        and all(np.array_equal(frame.counts, one.counts) for frame, one in zip(frames, wanted, strict=True))
+        for frames, wanted in zip(pictures, right, strict=False)
     )
 
 
-def _how(frame: Frame) -> tuple[Any, ...]:
-    return frame.bits, frame.exposure_s, frame.gain_db, frame.averaged
+def _are_taken_alike(frames: Sequence[Frame], right: Sequence[Frame]) -> bool:
+    """Whether pictures are as many, and how they were taken is the same; exposures to what a driver lets pass."""
+    return len(frames) == len(right) and all(
+        (frame.bits, frame.gain_db, frame.averaged) == (one.bits, one.gain_db, one.averaged)
+        and math.isclose(frame.exposure_s, one.exposure_s, rel_tol=_SAME_EXPOSURE)
+        for frame, one in zip(frames, right, strict=True)
+    )
 
 
 def _to_be_seen(bench: str, faults: Sequence[Fault], place: int, exposure: int) -> Iterator[Counts]:

@@ -222,6 +222,7 @@ class HttpStillCamera(ReadsPictures):
         if response.status != _OK:
             raise errors.refused(self.name, settings.path(self._exposure_s), response)
         said = read_headers(self.name, response.headers)
+        self._checks.says_all(said)
         counts = counts_of(self.name, response.body, width=settings.width, height=settings.height, bits=settings.bits)
         exposure_s, gain_db = self._checks.as_asked(
             said, self._exposure_s, settings.gain_db, step_s=settings.exposure_step_s

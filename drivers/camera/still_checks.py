@@ -11,7 +11,7 @@ _SAME_DB = 0.005
 
 
 class StillChecks:
-    """What is known of a camera from its pictures so far; each check raises DeviceFaultError.
+    """What is known of a camera from its pictures so far; each check raises DeviceError.
 
     Attributes
     ----------
@@ -24,10 +24,18 @@ class StillChecks:
         self._name, self._clock = name, CameraClock()
         self._number: int | None = None
         self._asked = 0
+        self._never_said: tuple[str, ...] | None = None
 
     def asked(self) -> None:
         """Note that a picture was asked for, whatever comes of it."""
         self._asked += 1
+
+    def says_all(self, said: StillHeaders) -> None:
+        """Check that a picture says all that any before it has said: else it would be taken without its checks."""
+        never_said = said.missing if self._never_said is None else self._never_said
+        if left_out := [name for name in said.missing if name not in never_said]:
+            raise errors.says_less(self._name, left_out)
+        self._never_said = said.missing
 
     def as_asked(self, said: StillHeaders, exposure_s: float, gain_db: float, *, step_s: float) -> tuple[float, float]:
         """Exposure and gain as they were applied; where the camera does not say, as asked."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from drivers.camera.http_exchange import HttpResponse
-from goniometer.errors import DeviceError, DeviceFaultError, LimitError, ReplyTimeoutError
+from goniometer.errors import DeviceError, DeviceFaultError, LimitError, ReplyError, ReplyTimeoutError
 
 _THROWN_AWAY = "the picture was thrown away"
 _BAD_REQUEST = 400
@@ -62,6 +62,19 @@ def not_as_asked(device: str, what: str, applied: float, asked: float) -> Device
         not_done=_THROWN_AWAY,
         to_do="end other programs that use the camera, switch its automatic exposure and gain off, and ask for what it "
         "really has",
+    )
+
+
+def says_less(device: str, left_out: Sequence[str]) -> ReplyError:
+    """Describe a picture without headers that others before it have."""
+    *first, last = left_out
+    names = f"{', '.join(first)} and {last}" if first else last
+    return ReplyError(
+        device,
+        f"the camera has sent a picture without {names}, which others have",
+        not_done=_THROWN_AWAY,
+        to_do="look at the network between, and at the camera's firmware; a camera that never sends such a header is "
+        "taken without it",
     )
 
 

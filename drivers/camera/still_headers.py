@@ -29,11 +29,15 @@ class StillHeaders:
     exposure_s: float | None
     gain_db: float | None
 
+    @property
+    def missing(self) -> tuple[str, ...]:
+        """The headers that did not come."""
+        values = self.number, self.start_s, self.exposure_s, self.gain_db
+        return tuple(name for name, value in zip(_UNCHECKED, values, strict=True) if value is None)
+
     def unchecked(self) -> Iterator[str]:
         """What a person should know is not checked, because the camera does not say it."""
-        for name, value in zip(_UNCHECKED, (self.number, self.start_s, self.exposure_s, self.gain_db), strict=True):
-            if value is None:
-                yield f"the camera does not say {name}: {_UNCHECKED[name]}"
+        return (f"the camera does not say {name}: {_UNCHECKED[name]}" for name in self.missing)
 
 
 def read_headers(device: str, headers: Mapping[str, str]) -> StillHeaders:

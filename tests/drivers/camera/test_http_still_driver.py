@@ -94,6 +94,13 @@ DOUBTFUL = {
     "left-aligned": (reencoded(lambda c: c << 4), ReplyError, "more than 12 bits hold: they are not right-aligned"),
     "no number": (header("X-Frame-Number", "seven"), ReplyError, "X-Frame-Number: 'seven', which is no such number"),
     "no time": (header("X-Exposure-Start-s", "nan"), ReplyError, "X-Exposure-Start-s: 'nan'"),
+    "number left out": (without("X-Frame-Number"), ReplyError, "a picture without X-Frame-Number, which others have"),
+    "time left out": (without("X-Exposure-Start-s"), ReplyError, "a picture without X-Exposure-Start-s, which others"),
+    "all left out": (
+        without("X-Frame-Number", "X-Exposure-Start-s", "X-Exposure-s", "X-Gain-dB"),
+        ReplyError,
+        "without X-Frame-Number, X-Exposure-Start-s, X-Exposure-s and X-Gain-dB, which others have",
+    ),
     "exposure": (header("X-Exposure-s", "0.05"), DeviceFaultError, "taken with an exposure in s of 0.05 and not 0.1"),
     "gain": (header("X-Gain-dB", "6"), DeviceFaultError, "a gain in dB of 6 and not 0"),
     "busy": (busy, DeviceFaultError, "with error 503: an exposure is under way"),
