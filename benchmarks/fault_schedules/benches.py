@@ -27,8 +27,13 @@ LAMP_WATCHED = {
     "reference": {"exit_deg": 30, "every_points": 1},
 }
 SLOW = LAMP_WATCHED | {"readings": 1, "exposure_s": 0.4}
-# two exposures a reading; of the maps, which cost more than the scan, nothing is judged here
-PICTURES = LAMP_WATCHED | {"dark": True, "imaging": {"exposures": [1, 0.25]}}
+# two exposures a reading; the maps of them are not made here, they cost more than the scan
+PICTURES = LAMP_WATCHED | {
+    "exit_deg": [20],
+    "analyzer_deg": [0, 45, 90],
+    "dark": True,
+    "imaging": {"exposures": [1, 0.25]},
+}
 BLACK_COUNTS = 200
 NEAR_HOME_DEG = {"source_arm": 1.0, "detector_arm": 1.0, "sample_azimuth": 3.0, "polarizer": 5.0}
 FOUR_SLOTS = {1: 0, 2: 45, 3: 90, 4: 135}

@@ -11,8 +11,10 @@ from typing import Any, get_args
 from benches import KINDS, short_scan
 
 from sim_devices.bench import Bench
+from sim_devices.faults.camera import FrameFault
 from sim_devices.faults.entry import AxisFault, DeviceFault, Fault, ReplyFault
 from sim_devices.faults.known import ALL, one_fault
+from sim_devices.faults.markers import MarkerFault
 from sim_devices.serving.clock import VirtualClock
 
 Draw = Callable[[Random], Any]
@@ -92,7 +94,7 @@ def schedule(seed: int, duration_s: Callable[[str], float]) -> Schedule:
     possible = possible_faults(bench)
     faults = []
     for _ in range(chance.choice((1, 1, 2, 3))):
-        kind = chance.choice(list(possible))
+        kind = chance.choice([kind for kind in possible for _ in range(_weight(kind))])
         drawn = _drawn(kind, chance.choice(possible[kind]), chance)
         # an axis that moves but once, at the beginning, would hardly ever be caught
         at_s = 0.0 if chance.random() < 0.15 else round(chance.uniform(0.0, duration_s(bench)), 4)
@@ -122,6 +124,11 @@ def possible_faults(name: str) -> dict[type[Fault], tuple[str, ...]]:
         return possible
     finally:
         bench.stop()
+
+
+def _weight(kind: type[Fault]) -> int:
+    """Faults that one bench alone can have are drawn more often there, for others strike on many."""
+    return 3 if issubclass(kind, FrameFault | MarkerFault) else 1
 
 
 def is_of(kind: type[Fault]) -> str:
