@@ -1,7 +1,9 @@
 """Stokes parameters of every pixel against plain linear algebra, and what is not to be believed marked as such."""
 
+import doctest
 import tracemalloc
 from itertools import combinations
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,6 +14,7 @@ from acquisition.imaging.stokes.pixel_formula import PixelFormula, SensorNoise
 from acquisition.imaging.stokes.stokes_image import StokesImages
 from goniometer.errors import ReductionError
 
+ROOT = Path(__file__).resolve().parents[4]
 POLARIZERS = [AnalyzerState(angle_deg) for angle_deg in (3.0, 47.0, 88.0, 136.0)]
 RETARDERS = [AnalyzerState(1.5, angle_deg, 88.0) for angle_deg in (-51.7, -15.1, 15.1, 51.7, 80.0)]
 NOISE = SensorNoise(read_counts=2.5, electrons_per_count=3.1)
@@ -279,3 +282,8 @@ def test_frames_of_another_number_size_or_depth_are_refused(stack, what):
     formula = PixelFormula(inverse(POLARIZERS), STOKES, has_dark=True)
     with pytest.raises(ReductionError, match=what):
         StokesImages(formula, dark=np.zeros((8, 9), np.float32)).maps(stack)
+
+
+def test_the_example_of_the_documentation_is_true():
+    told = doctest.testfile(str(ROOT / "docs" / "imaging.md"), module_relative=False, encoding="utf-8")
+    assert (told.failed, told.attempted > 10) == (0, True)
