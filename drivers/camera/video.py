@@ -127,7 +127,7 @@ class VideoCamera(ReadsPictures):
             if not reading.is_complete:
                 raise self._overdue(warm_up_s, reading)
             if not self._is_file:
-                self._require_rate(reading.interval_s)
+                self._require_rate(reading.interval_s, reading.lost)
         return ()
 
     def start_reading(self, exposure_s: float) -> None:
@@ -222,9 +222,9 @@ class VideoCamera(ReadsPictures):
         width, height = capture.size
         self.identity = same_device(self.name, self.identity, f"{self._shown}, {width} x {height}")
 
-    def _require_rate(self, interval_s: float | None) -> None:
+    def _require_rate(self, interval_s: float | None, lost: int = 0) -> None:
         if interval_s is not None and not 1 / _SAME_RATE < interval_s / self._frame_s < _SAME_RATE:
-            raise errors.other_rate(self.name, interval_s, self._frame_s)
+            raise errors.other_rate(self.name, interval_s, self._frame_s, lost)
 
     def _opened(self) -> FrameReader:
         if self._reader is None:

@@ -9,6 +9,7 @@ from goniometer.errors import DeviceFaultError, NotConnectedError, ReplyTimeoutE
 _CABLES = (
     "look at the camera's cable, power and address, and whether another program uses it; then run the recipe again"
 )
+_FASTER = "use a faster cable or network, a smaller picture or a lower rate, and close what else uses the computer"
 
 
 def not_opened(name: str, address: str, is_file: bool) -> NotConnectedError:
@@ -45,13 +46,12 @@ def file_ended(name: str, address: str, frames: int) -> DeviceFaultError:
 def overdue(name: str, address: str, exposure_s: float, frames: int, wanted: int, lost: int) -> ReplyTimeoutError:
     """Too few pictures in the time."""
     others = f", {lost} others were missing or damaged" if lost else ""
-    faster = "use a faster cable or network, a smaller picture or a lower rate, and close what else uses the computer"
     return ReplyTimeoutError(
         name,
         f"of the {wanted} pictures of a reading of {exposure_s:g} s only {frames} have come from {address} in more "
         f"than twice the time{others}",
         not_done="the reading was not finished",
-        to_do=faster if lost else _CABLES,
+        to_do=_FASTER if lost else _CABLES,
     )
 
 
@@ -116,11 +116,13 @@ def frozen(name: str, pictures: int) -> DeviceFaultError:
     )
 
 
-def other_rate(name: str, found_s: float, wanted_s: float) -> DeviceFaultError:
+def other_rate(name: str, found_s: float, wanted_s: float, lost: int) -> DeviceFaultError:
     """Readings would last another time than they say."""
+    others = f"; {lost} more seem to be missing or were damaged" if lost else ""
     return DeviceFaultError(
         name,
-        f"its pictures come every {found_s:.4g} s, where the rig file has sample_s: {wanted_s:g}",
+        f"its pictures come every {found_s:.4g} s, where the rig file has sample_s: {wanted_s:g}{others}",
         not_done="no reading was begun",
-        to_do=f"write sample_s: {found_s:.4g} if the camera is meant to be as fast as that, or set its rate",
+        to_do=f"write sample_s: {found_s:.4g} if the camera is meant to be as fast as that, or set its rate"
+        + (f"; if pictures are lost, {_FASTER}" if lost else ""),
     )
