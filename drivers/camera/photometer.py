@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from drivers.camera.frame import Frame
 from drivers.camera.region import Region, RegionMean
+from drivers.camera.saturation import saturated_from
 from goniometer.errors import ReplyError, SaturatedError
 
 
@@ -19,7 +20,7 @@ class Photometer:
     watts_per_count_per_s : float
         Power on one pixel that makes one count per second at gain 0 dB.
     saturation_counts : int
-        From here on a pixel is saturated.
+        From here on a pixel is saturated at gain 0 dB; at a lower gain it is from fewer.
     most_saturated : float
         Share of the region's pixels that may be; they are left out of the mean.
     black_counts : float
@@ -55,19 +56,17 @@ class Photometer:
             When there is no frame.
         """
         frame = self.finished(frame)
-        saturated, pixels = (
-            self.region.saturated(frame, self._saturation_counts),
-            self.region.width * self.region.height,
-        )
+        limit_counts = saturated_from(self._saturation_counts, frame.gain_db)
+        saturated, pixels = self.region.saturated(frame, limit_counts), self.region.width * self.region.height
         if saturated > self._most_saturated * pixels:
             raise SaturatedError(
                 self.name,
                 f"the detector was saturated: {saturated} of the region's {pixels} pixels have "
-                f"{self._saturation_counts} counts or more at {frame.exposure_s:g} s and {frame.gain_db:g} dB",
+                f"{limit_counts} counts or more at {frame.exposure_s:g} s and {frame.gain_db:g} dB",
                 not_done="the reading was thrown away",
                 to_do=self._to_dim,
             )
-        return self.region.mean(frame, self._saturation_counts)
+        return self.region.mean(frame, limit_counts)
 
     def power_w(self, frame: Frame | None) -> float:
         """Mean power on a pixel of the region, in watts, dark current included; raises as `mean` does."""

@@ -91,7 +91,7 @@ class CameraEntry(DetectorEntry):
 
     sees_whole_spot: ClassVar[bool] = False
     to_dim: ClassVar[str] = (
-        "make exposure_s in the recipe shorter, or gain_db in the rig file lower, or weaken the beam"
+        "make exposure_s in the recipe shorter, or gain_db in the rig file lower (not below 0), or weaken the beam"
     )
 
     sample_s: float = Field(
@@ -109,7 +109,10 @@ class CameraEntry(DetectorEntry):
         gt=0, le=1, description="optical power on one pixel that makes one count per second at gain 0 dB, in W"
     )
     saturation_counts: int | None = Field(
-        default=None, ge=1, description="counts from which on a pixel is saturated; the most that there are if left out"
+        default=None,
+        ge=1,
+        description="counts from which on a pixel is saturated at gain 0 dB, and at higher gains; at lower ones it is "
+        "from proportionally fewer; the most that there are if left out",
     )
     most_saturated: float = Field(
         default=0.0, ge=0, lt=1, description="share of the region's pixels that may be saturated, and are then left out"
@@ -174,7 +177,7 @@ class CameraEntry(DetectorEntry):
 
     @property
     def saturated_from(self) -> int:
-        """Counts from which on a pixel says nothing."""
+        """Counts from which on a pixel says nothing at gain 0 dB."""
         return self.largest_counts if self.saturation_counts is None else self.saturation_counts
 
     @property

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 from acquisition.imaging.light.linearity import Linearity
 from acquisition.imaging.stokes.pixel_formula import SensorNoise
+from drivers.camera.saturation import saturated_from
 from goniometer.errors import ConfigurationError
 
 _QUANTIZATION = 1 / 12
@@ -77,8 +78,8 @@ class Sensor:
         return _ratio(gain_db - self.gain_db)
 
     def saturation(self, gain_db: float) -> int:
-        """Counts as read from which on a pixel says nothing: a lower gain does not make the pixel hold more charge."""
-        return math.floor(self.saturation_counts * min(1.0, self.amplification(gain_db)))
+        """Counts as read from which on a pixel says nothing."""
+        return saturated_from(self.saturation_counts, gain_db - self.gain_db)
 
     def electrons_per_count(self, gain_db: float) -> float:
         """How many electrons a true count at a gain stands for."""

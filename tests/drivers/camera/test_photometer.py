@@ -3,6 +3,8 @@
 import numpy as np
 import pytest
 
+from acquisition.imaging.light.sensor import Sensor
+from acquisition.imaging.stokes.pixel_formula import SensorNoise
 from drivers.camera.frame import Frame
 from drivers.camera.photometer import Photometer
 from drivers.camera.region import Region
@@ -45,6 +47,16 @@ def test_so_many_pixels_may_be_saturated_as_the_rig_says(saturated, most, is_ref
         return
     with pytest.raises(SaturatedError, match=f"{saturated} of the region's 20 pixels have 4000 counts or more"):
         photometer(most_saturated=most).power_w(taken)
+
+
+def test_a_full_pixel_counts_less_at_a_lower_gain_and_the_maps_say_so_too():
+    """A reading that is valid to the detector must not be a hole in the maps, nor the other way round."""
+    sensor = Sensor(SensorNoise(4.0, 0.5), 4000, bits=12)
+    for gain_db, limit in ((-6.0206, 1999), (0.0, 4000), (6.0206, 4000)):
+        assert sensor.saturation(gain_db) == limit
+        assert photometer().power_w(frame(limit - 1, gain_db)) > 0
+        with pytest.raises(SaturatedError, match=f"20 of the region's 20 pixels have {limit} counts or more"):
+            photometer().power_w(frame(limit, gain_db))
 
 
 def test_without_a_picture_there_is_no_power():
