@@ -19,6 +19,7 @@ from acquisition.imaging.light.corrections import Corrections
 from acquisition.imaging.light.dark import Dark
 from acquisition.imaging.light.flat import Flat
 from acquisition.imaging.light.linearity import Linearity
+from acquisition.imaging.light.same_exposure import by_setting
 from acquisition.imaging.light.sensor import Sensor
 from acquisition.imaging.maps.direction_maps import DirectionMaps
 from acquisition.imaging.place.arms import Arms
@@ -168,13 +169,9 @@ def _darks(folder: Path, taken: Sequence[Photographed]) -> list[Frame]:
     ReductionError
         When all of an exposure are damaged.
     """
-    by_exposure: dict[tuple[float, float], list[StoredFrame]] = {}
-    for one in taken:
-        if one.reading.kind == "dark":
-            for frame in one.frames:
-                by_exposure.setdefault((frame.exposure_s, frame.gain_db), []).append(frame)
+    darks = by_setting(frame for one in taken if one.reading.kind == "dark" for frame in one.frames)
     frames: list[Frame] = []
-    for stored in by_exposure.values():
+    for stored in darks.values():
         chosen = np.unique(np.linspace(0, len(stored) - 1, _MOST_DARKS).round().astype(int))
         readable, damage = [], ""
         for place in chosen.tolist():

@@ -13,6 +13,7 @@ from acquisition.imaging.light.exposure import Exposure
 from acquisition.imaging.light.flat import Flat
 from acquisition.imaging.light.frame_checks import require_alike
 from acquisition.imaging.light.merge import merged
+from acquisition.imaging.light.same_exposure import by_setting
 from acquisition.imaging.light.sensor import Sensor
 from acquisition.imaging.light.signal_image import SignalImage
 from drivers.camera.frame import Frame
@@ -78,10 +79,7 @@ class Corrections:
             Names the frame that is of another size or depth, or the exposure that no dark fits.
         """
         height, width = require_alike(frames, self._sensor, "Frame", self._shape)
-        groups: dict[tuple[float, float], list[Frame]] = {}
-        for frame in frames:
-            groups.setdefault((frame.exposure_s, frame.gain_db), []).append(frame)
-        exposures = [Exposure(group, self._sensor, self._dark) for group in groups.values()]
+        exposures = [Exposure(group, self._sensor, self._dark) for group in by_setting(frames).values()]
         signal, variance = np.empty((height, width), np.float32), np.empty((height, width), np.float32)
         contradictory = 0
         for rows in _bands(height, width):

@@ -5,21 +5,20 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from statistics import fmean
 
 import numpy as np
 from numpy.typing import NDArray
 
 from acquisition.imaging.light.dark_leaks import refuse_light
 from acquisition.imaging.light.frame_checks import require_alike
+from acquisition.imaging.light.same_exposure import by_setting, is_same_exposure, is_same_gain
 from acquisition.imaging.light.sensor import Sensor
 from drivers.camera.frame import Frame
 from goniometer.errors import ReductionError
 
 Map = NDArray[np.float32]
 ALL = slice(None)
-
-_SAME_EXPOSURE = 1e-3
-"""Cameras round exposures; the dark current of so small a share is nothing."""
 
 _STANDS_OUT = 4.0
 """In standard deviations."""
@@ -79,11 +78,9 @@ class Dark:
     def __init__(self, sensor: Sensor, frames: Sequence[Frame]) -> None:
         self._sensor = sensor
         self.shape = require_alike(frames, sensor, "Dark frame")
-        groups: dict[tuple[float, float], list[Frame]] = {}
-        for frame in frames:
-            groups.setdefault((frame.gain_db, frame.exposure_s), []).append(frame)
+        groups = by_setting(frames)
         refuse_light(groups, sensor)
-        self.levels = tuple(_level(sensor, group) for _, group in sorted(groups.items()))
+        self.levels = tuple(_level(sensor, gain_db, groups[gain_db, at_s]) for gain_db, at_s in sorted(groups))
         is_unknown = np.logical_or.reduce([np.isnan(level.counts) for level in self.levels])
         if is_unknown.all():
             raise ReductionError(
@@ -104,7 +101,7 @@ class Dark:
         """
         levels = self._at_gain(gain_db)
         for level in levels:
-            if math.isclose(level.exposure_s, exposure_s, rel_tol=_SAME_EXPOSURE):
+            if is_same_exposure(level.exposure_s, exposure_s):
                 return ((level, 1.0),)
         if len(levels) > 1 and exposure_s < levels[-1].exposure_s:
             return _line(levels, np.array([1.0, exposure_s]))
@@ -138,7 +135,7 @@ class Dark:
         It is the sensor's median where a pixel's own does not stand out from its error: a pixel's noise must not be
         taken for larger where its dark came out high, or the light that is left would have the smaller weight.
         """
-        rate = self._rates[gain_db]
+        rate = self._rates[self._at_gain(gain_db)[0].gain_db]
         return None if rate is None else rate[rows]
 
     def _rate(self, gain_db: float) -> Map | None:
@@ -155,10 +152,10 @@ class Dark:
         return np.maximum(rate, np.float32(0.0), out=rate)
 
     def _at_gain(self, gain_db: float) -> list[DarkLevel]:
-        return [level for level in self.levels if level.gain_db == gain_db]
+        return [level for level in self.levels if is_same_gain(level.gain_db, gain_db)]
 
 
-def _level(sensor: Sensor, frames: Sequence[Frame]) -> DarkLevel:
+def _level(sensor: Sensor, gain_db: float, frames: Sequence[Frame]) -> DarkLevel:
     total = np.zeros(frames[0].counts.shape, np.float32)  # exact to 2**24, some hundreds of frames of 16 bits
     slope_squared = 1.0
     for frame in frames:
@@ -168,9 +165,9 @@ def _level(sensor: Sensor, frames: Sequence[Frame]) -> DarkLevel:
     if sensor.linearity is not None:
         slope_squared = float(np.median(sensor.linearity.slope_squared(frames[0].counts)))
     total /= len(frames)
-    first, pictures = frames[0], sum(frame.averaged for frame in frames)
-    variance = sensor.read_variance(first.gain_db) * slope_squared / pictures
-    return DarkLevel(first.exposure_s, first.gain_db, pictures, total, variance)
+    pictures = sum(frame.averaged for frame in frames)
+    variance = sensor.read_variance(gain_db) * slope_squared / pictures
+    return DarkLevel(fmean(frame.exposure_s for frame in frames), gain_db, pictures, total, variance)
 
 
 def _line(levels: Sequence[DarkLevel], wanted: NDArray[np.float64]) -> Shares:

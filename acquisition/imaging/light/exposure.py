@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from statistics import fmean
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,12 +33,13 @@ class Exposure:
     def __init__(self, frames: Sequence[Frame], sensor: Sensor, dark: Dark | None) -> None:
         first, self._frames, self._linearity, self._dark = frames[0], tuple(frames), sensor.linearity, dark
         pictures = sum(frame.averaged for frame in frames)
-        self.light_s = first.exposure_s * pictures
+        self.light_s = sum(frame.exposure_s * frame.averaged for frame in frames)
+        exposure_s = fmean(frame.exposure_s for frame in frames)
         self._gain_db, self._saturation = first.gain_db, sensor.saturation(first.gain_db)
-        self._counts_per_light = first.exposure_s * from_0_db(first.gain_db)
+        self._counts_per_light = fmean(frame.exposure_s * from_0_db(frame.gain_db) for frame in frames)
         self._electrons_per_light = sensor.electrons_per_count(0.0) * self.light_s
         self._read_variance = sensor.read_variance(first.gain_db) / (pictures * self._counts_per_light**2)
-        self._dark_counts = () if dark is None else dark.shares(first.exposure_s, first.gain_db)
+        self._dark_counts = () if dark is None else dark.shares(exposure_s, first.gain_db)
         self._black_counts = sensor.true_black_counts if dark is None else 0.0
 
     @property

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from acquisition.imaging.light.same_exposure import is_same_gain
 from acquisition.imaging.light.sensor import Sensor
 from drivers.camera.frame import Frame
 from goniometer.errors import ReductionError
@@ -59,6 +60,6 @@ def _fault(frame: Frame, sensor: Sensor, shape: tuple[int, ...]) -> str:
         return f"has {frame.bits} bits; the sensor's figures hold for {sensor.bits}"
     if not 0.0 < frame.exposure_s < math.inf or not math.isfinite(frame.gain_db):
         return "has an exposure or gain that cannot be"
-    if sensor.linearity is not None and frame.gain_db != sensor.gain_db:
+    if sensor.linearity is not None and not is_same_gain(frame.gain_db, sensor.gain_db):
         return f"was taken at another gain than the table of linearity, {sensor.gain_db:g} dB"
     return ""

@@ -126,6 +126,23 @@ def test_the_dark_current_has_noise_of_its_own(gain_db):
     assert_honest(found, 20.0 * camera.sensitivity)
 
 
+@pytest.mark.parametrize("apart", [1e-6, 1e-3])
+@pytest.mark.parametrize("exposures_s", [(0.2,), (0.2, 0.02)])
+def test_exposures_and_gains_as_they_were_applied_are_those_that_were_asked_for(apart, exposures_s):
+    """A driver takes a picture that is 0.1 % or 0.005 dB off, and every frame then says something else."""
+    camera = Camera(19, electrons=0.5, read=4.0)
+    random = np.random.default_rng(4)
+
+    def applied(light, exposure_s):
+        off = random.uniform(-1, 1, 2)
+        return camera.frame(light, exposure_s * (1 + apart * off[0]), 5.0 * apart * off[1])
+
+    dark = Dark(camera.sensor, [applied(0.0, at) for _ in range(13) for at in exposures_s])
+    assert [level.frames for level in dark.levels] == [13] * len(exposures_s)
+    found = Corrections(camera.sensor, dark).signal([applied(20_000.0, at) for _ in range(3) for at in exposures_s])
+    assert_honest(found, 20_000.0 * camera.sensitivity)
+
+
 def test_a_flat_divides_the_signal_and_its_error_remains_a_share_of_it():
     camera = Camera(17)
     frame = camera.frame(5_000.0, 0.5)
