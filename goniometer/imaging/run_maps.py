@@ -34,10 +34,6 @@ from goniometer.planning import detection, reduction
 from goniometer.rig_devices.camera import CameraEntry
 from goniometer.run_folder import MeasuredRun
 
-_MOST_DARKS = 16
-"""Dark pictures of one exposure that are averaged, spread over the scan: more of them would not lower the noise of a
-direction's maps, which have one in each state, by a thirtieth."""
-
 
 @dataclass(frozen=True)
 class Photographed:
@@ -152,8 +148,8 @@ def corrections(
     sensor = Sensor(
         camera.sensor.noise, camera.saturated_from, camera.bits, linearity=linearity, black_counts=black_counts
     )
-    darks = _darks(folder, taken)
-    dark = Dark(sensor, darks) if darks else None
+    darks = [frame for one in taken if one.reading.kind == "dark" for frame in one.frames]
+    dark = Dark(sensor, _readable(folder, darks)) if darks else None
     bad: NDArray[np.bool_] | None = None if dark is None else hot_pixels(dark)
     if (folder / BAD_PIXELS).exists():
         masked = masked_pixels(folder / BAD_PIXELS)
@@ -161,28 +157,25 @@ def corrections(
     return Corrections(sensor, dark, flat, bad)
 
 
-def _darks(folder: Path, taken: Sequence[Photographed]) -> list[Frame]:
-    """Dark pictures, as many of each exposure, spread over the scan; those whose files are damaged are passed over.
+def _readable(folder: Path, darks: Sequence[StoredFrame]) -> Iterator[Frame]:
+    """Dark pictures; those whose files are damaged are passed over.
 
     Raises
     ------
     ReductionError
         When all of an exposure are damaged.
     """
-    darks = by_setting(frame for one in taken if one.reading.kind == "dark" for frame in one.frames)
-    frames: list[Frame] = []
-    for stored in darks.values():
-        chosen = np.unique(np.linspace(0, len(stored) - 1, _MOST_DARKS).round().astype(int))
-        readable, damage = [], ""
-        for place in chosen.tolist():
+    for of_setting in by_setting(darks).values():
+        damaged, damage = 0, ""
+        for stored in of_setting:
             try:
-                readable.append(load_frame(folder, stored[place]))
+                frame = load_frame(folder, stored)
             except JournalError as error:
-                damage = str(error)
-        if not readable:
-            raise ReductionError(f"All dark pictures of {stored[0].exposure_s:g} s are damaged. {damage}")
-        frames += readable
-    return frames
+                damaged, damage = damaged + 1, str(error)
+            else:
+                yield frame
+        if damaged == len(of_setting):
+            raise ReductionError(f"All dark pictures of {of_setting[0].exposure_s:g} s are damaged. {damage}")
 
 
 def _on_sample(imaging: Imaging, camera: CameraEntry, run: MeasuredRun) -> OnSample | None:

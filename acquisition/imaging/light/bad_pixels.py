@@ -8,7 +8,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from acquisition.imaging.light.dark import Dark, DarkLevel
+from acquisition.imaging.light.dark import Dark
+from acquisition.imaging.light.dark_level import DarkLevel
 from goniometer.errors import ReductionError
 
 _SIGMAS_OF_MAD = 1.4826

@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass
-from statistics import fmean
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
 from acquisition.imaging.light.dark_leaks import refuse_light
-from acquisition.imaging.light.frame_checks import require_alike
-from acquisition.imaging.light.same_exposure import by_setting, is_same_exposure, is_same_gain
+from acquisition.imaging.light.dark_level import DarkLevel, DarkSum
+from acquisition.imaging.light.frame_checks import alike
+from acquisition.imaging.light.same_exposure import Setting, is_same_exposure, is_same_gain, setting_of
 from acquisition.imaging.light.sensor import Sensor
 from drivers.camera.frame import Frame
 from goniometer.errors import ReductionError
@@ -22,29 +21,6 @@ ALL = slice(None)
 
 _STANDS_OUT = 4.0
 """In standard deviations."""
-
-
-@dataclass(frozen=True, eq=False)
-class DarkLevel:
-    """Mean of the dark frames of one exposure and gain.
-
-    Parameters
-    ----------
-    exposure_s, gain_db : float
-        Of the frames.
-    frames : int
-        How many pictures there are.
-    counts : ndarray
-        (height, width): true counts; NaN where any dark frame, of whatever exposure, is saturated.
-    read_variance : float
-        Of the mean, in true counts², by the converter.
-    """
-
-    exposure_s: float
-    gain_db: float
-    frames: int
-    counts: Map
-    read_variance: float
 
 
 Shares = tuple[tuple[DarkLevel, float], ...]
@@ -61,8 +37,9 @@ class Dark:
     ----------
     sensor : Sensor
         Whose frames these are.
-    frames : sequence of Frame
-        Taken without light; repeats of an exposure and gain are averaged.
+    frames : iterable of Frame
+        Taken without light; repeats of an exposure and gain are averaged, and say how the black level drifted. They
+        are taken one after the other, and not held.
 
     Raises
     ------
@@ -75,12 +52,15 @@ class Dark:
         Share of the pixels that are saturated in some frame.
     """
 
-    def __init__(self, sensor: Sensor, frames: Sequence[Frame]) -> None:
+    def __init__(self, sensor: Sensor, frames: Iterable[Frame]) -> None:
         self._sensor = sensor
-        self.shape = require_alike(frames, sensor, "Dark frame")
-        groups = by_setting(frames)
-        refuse_light(groups, sensor)
-        self.levels = tuple(_level(sensor, gain_db, groups[gain_db, at_s]) for gain_db, at_s in sorted(groups))
+        sums: dict[Setting, DarkSum] = {}
+        for frame in alike(frames, sensor, "Dark frame"):
+            setting = setting_of(frame, sums)
+            sums.setdefault(setting, DarkSum(sensor, setting[0])).add(frame)
+        refuse_light({setting: of_setting.pictures for setting, of_setting in sums.items()}, sensor)
+        self.levels = tuple(of_setting.level() for _, of_setting in sorted(sums.items()))
+        self.shape = self.levels[0].counts.shape
         is_unknown = np.logical_or.reduce([np.isnan(level.counts) for level in self.levels])
         if is_unknown.all():
             raise ReductionError(
@@ -153,21 +133,6 @@ class Dark:
 
     def _at_gain(self, gain_db: float) -> list[DarkLevel]:
         return [level for level in self.levels if is_same_gain(level.gain_db, gain_db)]
-
-
-def _level(sensor: Sensor, gain_db: float, frames: Sequence[Frame]) -> DarkLevel:
-    total = np.zeros(frames[0].counts.shape, np.float32)  # exact to 2**24, some hundreds of frames of 16 bits
-    slope_squared = 1.0
-    for frame in frames:
-        counts = frame.counts
-        total += counts if sensor.linearity is None else sensor.linearity.true_counts(counts)
-        total[counts >= sensor.saturation(frame.gain_db)] = np.nan
-    if sensor.linearity is not None:
-        slope_squared = float(np.median(sensor.linearity.slope_squared(frames[0].counts)))
-    total /= len(frames)
-    pictures = sum(frame.averaged for frame in frames)
-    variance = sensor.read_variance(gain_db) * slope_squared / pictures
-    return DarkLevel(fmean(frame.exposure_s for frame in frames), gain_db, pictures, total, variance)
 
 
 def _line(levels: Sequence[DarkLevel], wanted: NDArray[np.float64]) -> Shares:

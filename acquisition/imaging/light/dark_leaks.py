@@ -1,32 +1,39 @@
-"""Dark frames that are not dark: light shows in the median of a frame, where noise and hot pixels do not."""
+"""Dark frames that are not dark: light shows in all of a frame, where noise and hot pixels do not."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from itertools import pairwise
 from statistics import median
 
 import numpy as np
 
-from acquisition.imaging.light.frame_checks import frame_name
+from acquisition.imaging.light.dark_level import DarkPicture
+from acquisition.imaging.light.same_exposure import Setting
 from acquisition.imaging.light.sensor import Sensor
-from drivers.camera.frame import Frame
 from goniometer.errors import ReductionError
 
 _FAR = 5.0
-"""In standard deviations of one pixel: black levels wander by less, and the median of a frame is far better known."""
+"""In standard deviations of one pixel: beside a steady drift, black levels wander by less from one dark frame to the
+next."""
+
+_FEWEST_STEPS = 3
+"""Of two, one that is due to light would pass for half a drift."""
 
 
-def refuse_light(groups: Mapping[tuple[float, float], Sequence[Frame]], sensor: Sensor) -> None:
+def refuse_light(settings: Mapping[Setting, Sequence[DarkPicture]], sensor: Sensor) -> None:
     """Refuse dark frames that light fell on, where others tell.
 
-    Repeats must agree; over exposures at one gain the medians must rise, and on a line where there are three or more.
-    A light that falls on all frames alike looks like dark current, and is not found.
+    A black level creeps and light comes at once: repeats must agree with those before and after them but for a steady
+    drift, however far they are from others. Over exposures at one gain levels must rise, and on a line where there are
+    three or more. A light that falls on all frames alike looks like dark current, one that grows slowly like drift;
+    they are not found.
 
     Parameters
     ----------
-    groups : mapping
-        From (gain_db, exposure_s) to the repeats.
+    settings : mapping
+        Of each gain and exposure the repeats.
     sensor : Sensor
         How far noise goes.
 
@@ -36,33 +43,40 @@ def refuse_light(groups: Mapping[tuple[float, float], Sequence[Frame]], sensor: 
         Names the frame or the exposures.
     """
     at_gain: dict[float, dict[float, float]] = {}
-    for (gain_db, exposure_s), frames in groups.items():
-        far_counts = _FAR * math.sqrt(sensor.read_variance(gain_db))
-        medians = [_median(frame, sensor) for frame in frames]
-        _refuse_bright_repeat(frames, medians, far_counts)
-        at_gain.setdefault(gain_db, {})[exposure_s] = median(medians)
+    for (gain_db, exposure_s), pictures in settings.items():
+        _refuse_sudden_light(pictures, _FAR * math.sqrt(sensor.read_variance(gain_db)))
+        at_gain.setdefault(gain_db, {})[exposure_s] = median(picture.counts for picture in pictures)
     for gain_db, levels in at_gain.items():
         _refuse_bent_line(levels, gain_db, _FAR * math.sqrt(sensor.read_variance(gain_db)))
 
 
-def _median(frame: Frame, sensor: Sensor) -> float:
-    counts = np.median(frame.counts)
-    return float(counts if sensor.linearity is None else sensor.linearity.true_counts(np.array(counts, np.uint16)))
+def _refuse_sudden_light(pictures: Sequence[DarkPicture], far_counts: float) -> None:
+    in_time = sorted(pictures, key=lambda picture: picture.time_s)
+    drift_per_s = _drift_per_s(in_time)
+    for before, after in pairwise(in_time):
+        step, drift = after.counts - before.counts, drift_per_s * (after.time_s - before.time_s)
+        risen = step - min(max(step, min(drift, 0.0)), max(drift, 0.0))  # a drift may slow down, above all in a pause
+        if abs(risen) > far_counts:
+            darker, brighter = (before, after) if risen > 0 else (after, before)
+            raise ReductionError(
+                f"{brighter.name} of its exposure has {brighter.counts:.6g} counts in a typical pixel, the dark frame "
+                f"next to it in time {darker.counts:.6g}: light fell on it, or else the "
+                "black level jumped. No dark was made. Close the shutter or block the light, and take it again."
+            )
 
 
-def _refuse_bright_repeat(frames: Sequence[Frame], medians: Sequence[float], far_counts: float) -> None:
-    brightest = int(np.argmax(medians))
-    others = [*medians[:brightest], *medians[brightest + 1 :]]
-    if others and medians[brightest] - median(others) > far_counts:
-        raise ReductionError(
-            f"{frame_name('Dark frame', brightest, frames[brightest])} of its exposure has a median of "
-            f"{medians[brightest]:g} counts, others of the same exposure {median(others):g}: light fell on it. "
-            "No dark was made. Close the shutter or block the light, and take it again."
-        )
+def _drift_per_s(in_time: Sequence[DarkPicture]) -> float:
+    """The rate that is usual between one picture and the next; 0 where there are too few to tell."""
+    rates = [
+        (after.counts - before.counts) / (after.time_s - before.time_s)
+        for before, after in pairwise(in_time)
+        if after.time_s > before.time_s
+    ]
+    return median(rates) if len(rates) >= _FEWEST_STEPS else 0.0
 
 
 def _refuse_bent_line(levels: Mapping[float, float], gain_db: float, far_counts: float) -> None:
-    """Medians over exposures: as many parameters as a dark has are fitted, and no dark current is negative."""
+    """Levels over exposures: as many parameters as a dark has are fitted, and no dark current is negative."""
     if len(levels) < 2:
         return
     exposures_s, medians = map(np.array, zip(*sorted(levels.items()), strict=True))
@@ -72,7 +86,7 @@ def _refuse_bent_line(levels: Mapping[float, float], gain_db: float, far_counts:
         return
     said = ", ".join(f"{counts:g} counts at {exposure_s:g} s" for exposure_s, counts in sorted(levels.items()))
     raise ReductionError(
-        f"The medians of the dark frames at {gain_db:g} dB do not rise with the exposure along a line, as dark current "
+        f"The levels of the dark frames at {gain_db:g} dB do not rise with the exposure along a line, as dark current "
         f"does: {said}. Light fell on some, or the sensor's temperature changed. No dark was made. Block the light "
         "and take them again, one exposure soon after the other."
     )

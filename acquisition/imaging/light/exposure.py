@@ -40,7 +40,7 @@ class Exposure:
         self._electrons_per_light = sensor.electrons_per_count(0.0) * self.light_s
         self._read_variance = sensor.read_variance(first.gain_db) / (pictures * self._counts_per_light**2)
         self._dark_counts = () if dark is None else dark.shares(exposure_s, first.gain_db)
-        self._black_counts = sensor.true_black_counts if dark is None else 0.0
+        self._even_counts = sensor.true_black_counts if dark is None else self._drifted_counts()
 
     @property
     def dark_shares(self) -> Shares:
@@ -54,8 +54,8 @@ class Exposure:
             light += self._true_counts(frame, rows)
         if len(self._frames) > 1:
             light /= np.float32(len(self._frames))
-        if self._black_counts:
-            light -= np.float32(self._black_counts)
+        if self._even_counts:
+            light -= np.float32(self._even_counts)
         for level, share in self._dark_counts:
             light -= level.counts[rows] * np.float32(share)
         light /= np.float32(self._counts_per_light)
@@ -80,6 +80,13 @@ class Exposure:
             squared = sum(self._linearity.slope_squared(frame.counts[rows]) for frame in self._frames)
             variance += squared * np.float32(self._read_variance / len(self._frames))
         return variance
+
+    def _drifted_counts(self) -> float:
+        """By how much all pixels were brighter in the dark when these frames were taken than in the mean dark."""
+        return sum(
+            share * fmean(level.drift.counts(frame.time_s) for frame in self._frames)
+            for level, share in self._dark_counts
+        )
 
     def _true_counts(self, frame: Frame, rows: slice) -> Map:
         counts = frame.counts[rows]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
 
 import numpy as np
 
@@ -34,14 +34,20 @@ def require_alike(
     ReductionError
         Names the first frame of another size, depth, exposure or gain than there can be.
     """
-    if not frames:
-        raise ReductionError(f"There is no {what}; one is needed at least. Nothing was made of them.")
-    shape = frames[0].counts.shape if shape is None else shape
+    shapes = [frame.counts.shape for frame in alike(frames, sensor, what, shape)]
+    height, width = shapes[0]
+    return height, width
+
+
+def alike(frames: Iterable[Frame], sensor: Sensor, what: str, shape: tuple[int, ...] | None = None) -> Iterator[Frame]:
+    """The frames one after the other, each when it has been checked; parameters and errors are those above."""
     for place, frame in enumerate(frames):
+        shape = frame.counts.shape if shape is None else shape
         if fault := _fault(frame, sensor, shape):
             raise ReductionError(f"{frame_name(what, place, frame)} {fault}. Nothing was made of it.")
-    height, width = shape
-    return height, width
+        yield frame
+    if shape is None:
+        raise ReductionError(f"There is no {what}; one is needed at least. Nothing was made of them.")
 
 
 def frame_name(what: str, place: int, frame: Frame) -> str:

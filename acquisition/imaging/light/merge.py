@@ -7,7 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from acquisition.imaging.light.dark import Dark, DarkLevel
+from acquisition.imaging.light.dark import Dark
+from acquisition.imaging.light.dark_level import DarkLevel
 from acquisition.imaging.light.exposure import Exposure
 
 Map = NDArray[np.float32]

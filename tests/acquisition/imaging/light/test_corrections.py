@@ -143,6 +143,23 @@ def test_exposures_and_gains_as_they_were_applied_are_those_that_were_asked_for(
     assert_honest(found, 20_000.0 * camera.sensitivity)
 
 
+@pytest.mark.parametrize("exposures_s", [(0.5,), (0.5, 0.05), (0.3,)])
+def test_the_light_is_right_although_the_black_level_creeps(exposures_s):
+    """Dark pictures of 0.5 s and 0.05 s stand between those of the light; none is as dark as their mean."""
+    camera = Camera(20, dark_s=10.0)
+    at_rest = camera.offset
+
+    def frame(light, exposure_s, time_s):
+        camera.offset = at_rest + 0.05 * time_s
+        return replace(camera.frame(light, exposure_s), time_s=time_s)
+
+    dark = Dark(camera.sensor, [frame(0.0, at, time_s) for time_s in range(0, 601, 50) for at in (0.5, 0.05)])
+    corrections = Corrections(camera.sensor, dark)
+    for time_s in (-20.0, 10.0, 333.0, 620.0):
+        frames = [frame(2_000.0, at, time_s + after) for after in (0.0, 5.0) for at in exposures_s]
+        assert_honest(corrections.signal(frames), 2_000.0 * camera.sensitivity)
+
+
 def test_a_flat_divides_the_signal_and_its_error_remains_a_share_of_it():
     camera = Camera(17)
     frame = camera.frame(5_000.0, 0.5)

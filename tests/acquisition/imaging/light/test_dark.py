@@ -1,5 +1,7 @@
 """Dark of exposures between dark frames, as well as it is known; and frames that are not dark."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
@@ -102,6 +104,57 @@ def test_light_on_one_exposure_bends_the_line(lit):
     frames = [frame(at, light=100.0 / at * (place == lit)) for place, at in enumerate((0.5, 1.0, 2.0))]
     with pytest.raises(ReductionError, match=r"counts at 0.5 s, .* counts at 1 s, .* counts at 2 s\. Light fell on"):
         Dark(SENSOR, frames)
+
+
+def creeping(*, lit=None, count=40, step):
+    """Dark pictures, one each 10 s, whose level creeps by many read noises in all."""
+    frames = [frame(0.5, light=60.0 * (place == lit)) for place in range(count)]
+    crept = [np.uint16(step * place - min(step * count, 0)) for place in range(count)]
+    return [
+        replace(one, counts=one.counts + more, time_s=10.0 * place)
+        for place, (one, more) in enumerate(zip(frames, crept, strict=True))
+    ]
+
+
+@pytest.mark.parametrize("step", [2.0, 15.0, -1.0])
+def test_a_level_that_creeps_is_no_light_and_is_known_at_every_time(step):
+    frames = creeping(step=step)
+    (level,) = Dark(SENSOR, [frames[place] for place in np.random.default_rng(1).permutation(len(frames))]).levels
+    middle = (len(frames) - 1) / 2
+    for place in (0.0, 1.0, 2.5, len(frames) - 1.0, -0.5, len(frames) - 0.5):
+        assert level.drift.counts(10.0 * place) == pytest.approx(step * (place - middle), abs=0.2)
+
+
+@pytest.mark.parametrize("step", [0.0, 1.0, 15.0])
+@pytest.mark.parametrize("lit", [0, 7, 39])
+def test_light_on_one_of_many_frames_whose_level_creeps_is_found(lit, step):
+    with pytest.raises(ReductionError, match=rf"Dark frame {lit} \(0.5 s, .* light fell on it"):
+        Dark(SENSOR, creeping(lit=lit, step=step))
+
+
+def test_a_drift_that_ends_in_a_pause_of_a_night_is_no_light():
+    frames = creeping(count=20, step=2.0)
+    (level,) = Dark(SENSOR, [*frames[:10], *(replace(one, time_s=one.time_s + 40_000.0) for one in frames[10:])]).levels
+    assert level.drift.counts(40_100.0) - level.drift.counts(90.0) == pytest.approx(2.0, abs=0.2)
+
+
+def test_a_level_that_stands_still_does_not_drift():
+    frames = [replace(flat_frame(100, 1.0), time_s=float(place)) for place in range(5)]
+    frames[2].counts[0, :2] = 3_000
+    (level,) = Dark(SENSOR, frames).levels
+    assert [level.drift.counts(time_s) for time_s in (-1.0, 0.0, 2.0, 2.5, 9.0)] == [0.0] * 5
+
+
+def test_drift_is_known_far_better_than_to_a_count():
+    """Levels that creep by a fifth of a count show in whole counts of pixels that have some noise."""
+    steps = 0.2 * np.arange(6)
+    frames = [
+        Frame(np.rint(OFFSET + step + RANDOM.normal(0, 2.0, SHAPE)).astype(np.uint16), 12, 0.5, 0.0, step)
+        for step in steps
+    ]
+    (level,) = Dark(SENSOR, frames).levels
+    stderr = 2.0 / np.sqrt(OFFSET.size)
+    assert_allclose([level.drift.counts(step) for step in steps], steps - steps.mean(), atol=4 * stderr)
 
 
 def test_a_short_dark_brighter_than_a_long_one_is_not_dark():
