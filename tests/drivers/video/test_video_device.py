@@ -131,9 +131,7 @@ def test_warm_up_of_another_rate(make_camera, videos_opened, clock, videos, monk
 
     monkeypatch.setattr(cv2, "VideoCapture", ticking)
     camera = make_camera("0", settings=SIZE, warm_up_frames=8)
-    with pytest.raises(
-        DeviceFaultError, match=r"every 0\.25 s, where .* sample_s: 0\.1; \d+ more seem to be missing"
-    ):
+    with pytest.raises(DeviceFaultError, match=r"every 0\.25 s, where .* sample_s: 0\.1; \d+ more seem to be missing"):
         camera.connect()
 
 
