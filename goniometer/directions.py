@@ -61,9 +61,16 @@ def directions_of(points: Sequence[StokesPoint], tolerances_deg: Mapping[Role, f
     tolerances_deg : mapping of Role to float
         How far from its target an axis may stop: positions no farther apart than twice that are the same angle.
     """
-    numbers = np.array([point.point for point in points])
-    axes = {name: role for name, role in _AXES.items() if getattr(points[0], name) is not None}
-    read_deg = {name: np.array([getattr(point, name) for point in points]) for name in axes}
+    names = [name for name in _AXES if getattr(points[0], name) is not None]
+    read_deg = {name: np.array([getattr(point, name) for point in points]) for name in names}
+    return directions_at(read_deg, np.array([point.point for point in points]), tolerances_deg)
+
+
+def directions_at(
+    read_deg: Mapping[str, NDArray[np.float64]], numbers: NDArray[np.int_], tolerances_deg: Mapping[Role, float]
+) -> Directions:
+    """As `directions_of`, from angles as they were read back, by name, and the numbers of their points."""
+    axes = {name: role for name, role in _AXES.items() if name in read_deg}
     level_of = {name: levels(read_deg[name], 2.0 * tolerances_deg[role]) for name, role in axes.items()}
     counts = {name: int(level.max()) + 1 for name, level in level_of.items()}
     shape = tuple(counts.values())

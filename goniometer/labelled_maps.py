@@ -6,10 +6,12 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
+import yaml
 
 from acquisition import journal
+from goniometer.directions import Directions, directions_at
 from goniometer.errors import ConfigurationError, JournalError
+from goniometer.rig_file import Rig
 
 if TYPE_CHECKING:
     import h5py
@@ -17,7 +19,12 @@ if TYPE_CHECKING:
 
 _GROUPS = ("maps", "maps_dolp", "maps_aolp")
 _SUFFIXES = {"1/sr": "_per_sr", "1/sr^2": "_per_sr2", "deg": "_deg", "mm": "_mm", "pixel": "_px"}
-_ANGLES = {"incidence_angle": "incidence_deg", "exit_angle": "exit_deg", "sample_azimuth": "azimuth_deg"}
+_ANGLES = {
+    "incidence_angle": "incidence_deg",
+    "exit_angle": "exit_deg",
+    "sample_azimuth": "azimuth_deg",
+    "exit_azimuth": "exit_azimuth_deg",
+}
 
 
 def load_maps(run: str | Path) -> xarray.Dataset:
@@ -31,10 +38,11 @@ def load_maps(run: str | Path) -> xarray.Dataset:
     Returns
     -------
     xarray.Dataset
-        Dimensions `exit_deg` (`point`, where an exit angle stands more than once), `y_mm` and `x_mm` in the sample's
-        coordinates, or `y_px` and `x_px` in the camera's pixels. Variables are named with their units, such as
-        `s0_per_sr`, `s0_stderr_per_sr`, `dolp` and `aolp_deg`; NaN where nothing is known, and `notes` says why a
-        direction has no maps.
+        Directions have the dimensions that `load` gives them: `exit_deg`, and other angles where these take several
+        values, or `point` alone when not every combination was measured exactly once. Beside them `y_mm` and `x_mm` in
+        the sample's coordinates, or `y_px` and `x_px` in the camera's pixels. Variables are named with their units,
+        such as `s0_per_sr`, `s0_stderr_per_sr`, `dolp` and `aolp_deg`; NaN where nothing is known, and `notes` says why
+        a direction has no maps.
 
     Raises
     ------
@@ -58,40 +66,56 @@ def load_maps(run: str | Path) -> xarray.Dataset:
     path = (folder.parent if folder.name == journal.FILE_NAME else folder) / "scan.nxs"
     try:
         with h5py.File(path) as file:
-            found = xarray.Dataset({name: value for group in _groups(file, path) for name, value in _variables(group)})
+            groups = _groups(file, path)
+            directions = _directions(groups[0], _rig(file, path))
+            found = xarray.Dataset({name: value for group in groups for name, value in _variables(group, directions)})
     except OSError as error:
         raise JournalError(
             f"{path} cannot be read: {error}. Write it again with: goniometer fit {path.parent}"
         ) from error
-    found = found.set_coords([name for name in (*_ANGLES.values(), "exit_azimuth_deg", "point") if name in found])
-    if len(np.unique(found.exit_deg)) == found.sizes["direction"]:
-        return found.swap_dims(direction="exit_deg")
-    return found.swap_dims(direction="point")
+    return found.set_coords([*directions.coordinates])
 
 
-def _groups(file: h5py.File, path: Path) -> Iterator[h5py.Group]:
+def _groups(file: h5py.File, path: Path) -> list[h5py.Group]:
     entry = file["entry"]
     if "maps" not in entry or entry["maps"].attrs["NX_class"] != "NXdata":
         raise JournalError(
             f"{path} holds no maps: the recipe asks for none (imaging), or no direction has any; see its notes."
         )
-    return (entry[name] for name in _GROUPS)
+    return [entry[name] for name in _GROUPS]
 
 
-def _variables(group: h5py.Group) -> Iterator[tuple[str, Any]]:
+def _rig(file: h5py.File, path: Path) -> Rig:
+    """The rig of the scan, which knows how far from its target each axis may stop."""
+    if "entry/provenance/rig" not in file:
+        raise JournalError(
+            f"{path} does not say which rig its maps were taken on. Write it again with: goniometer fit {path.parent}"
+        )
+    return Rig.model_validate(yaml.safe_load(file["entry/provenance/rig/data"][()]))
+
+
+def _directions(maps: h5py.Group, rig: Rig) -> Directions:
+    read_deg = {name: maps[stored][()] for stored, name in _ANGLES.items() if stored in maps}
+    return directions_at(read_deg, maps["point"][()], {role: axis.tolerance_deg for role, axis in rig.axes().items()})
+
+
+def _variables(group: h5py.Group, directions: Directions) -> Iterator[tuple[str, Any]]:
     """Names with units, dimensions and values; the axes of all groups are the same."""
     _, *pixels = (str(axis) for axis in group.attrs["axes"])
-    dims = ["direction", *(_named(axis, group[axis].attrs["units"]) for axis in pixels)]
+    inner = [_named(axis, group[axis].attrs["units"]) for axis in pixels]
     for name, values in group.items():
         attributes = {key: str(values.attrs[key]) for key in ("long_name", "units") if key in values.attrs}
         if name in pixels:
             one = _named(name, attributes["units"])
             yield one, ([one], values[()], attributes)
-        elif name == "notes":
-            yield name, (["direction"], values.asstr()[()])
+            continue
+        found = _ANGLES.get(name) or ("notes" if name == "notes" else _named(name, attributes["units"]))
+        if found in directions.coordinates:
+            yield found, (*directions.coordinates[found], attributes)
         else:
-            found = _ANGLES.get(name) or _named(name, attributes["units"])
-            yield found, (dims[: values.ndim], values[()], attributes)
+            stored = values.asstr()[()] if name == "notes" else values[()]
+            dims = [*directions.dimensions, *inner[: values.ndim - 1]]
+            yield found, (dims, directions.arranged(stored), attributes)
 
 
 def _named(name: str, units: str) -> str:
