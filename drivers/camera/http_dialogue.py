@@ -48,6 +48,11 @@ class HttpDialogue:
         self._listen()
         return self._exchange.has_begun or self._broken is not None
 
+    def is_whole(self) -> bool:
+        """Whether the answer has come to its end."""
+        self._listen()
+        return self._response is not None
+
     def poll(self) -> HttpResponse | None:
         """Return the answer if it has come.
 

@@ -62,6 +62,7 @@ class HttpStillCamera(ReadsPictures):
         self._attempts = 0
         self._exposure_s = self._asked_s = self._exposed_s = 0.0
         self._answered_s: float | None = None
+        self._whole_s: float | None = None
         self._again_s: float | None = None
         self._limit_s = 0.0
         self._deadline = Deadline(clock, 0.0)
@@ -129,7 +130,7 @@ class HttpStillCamera(ReadsPictures):
         """Whether light is still collected: the exposure goes on, or no answer begins to come that is still awaited."""
         if not self._is_taking:
             return False
-        if self._is_pausing() or self._clock.now() < self._exposed_s:
+        if self._is_pausing() or self._is_before_its_end():
             return True
         return not self._look() and not self._deadline.has_passed()
 
@@ -150,7 +151,7 @@ class HttpStillCamera(ReadsPictures):
         """
         if not self._is_taking:
             return False
-        if self._is_pausing() or self._clock.now() < self._exposed_s:
+        if self._is_pausing() or self._is_before_its_end():
             return True
         try:
             response = self._dialogue.poll() if self._look() else None
@@ -198,7 +199,7 @@ class HttpStillCamera(ReadsPictures):
         settings = self._settings
         self._attempts += 1
         self._checks.asked()
-        self._frame = self._again_s = self._answered_s = None
+        self._frame = self._again_s = self._answered_s = self._whole_s = None
         self._limit_s = self._exposure_s + settings.readout_s + settings.most_bytes / _SLOWEST_BYTES_S + _ALLOWANCE_S
         self._asked_s = self._clock.now()
         self._dialogue.ask(settings.path(self._exposure_s))
@@ -210,6 +211,14 @@ class HttpStillCamera(ReadsPictures):
         if self._again_s is not None and self._clock.now() >= self._again_s:
             self._ask()
         return self._again_s is not None
+
+    def _is_before_its_end(self) -> bool:
+        """Whether the exposure cannot be over; notes when an answer is whole nevertheless."""
+        if self._clock.now() >= self._exposed_s:
+            return False
+        if self._whole_s is None and self._dialogue.is_whole():
+            self._whole_s = self._clock.now()
+        return True
 
     def _look(self) -> bool:
         """Whether the answer has begun to come; notes when."""
@@ -229,6 +238,8 @@ class HttpStillCamera(ReadsPictures):
         )
         if said.number is not None:
             self._checks.is_new(said.number)
+        if self._whole_s is not None:
+            self._checks.had_time(self._whole_s - self._asked_s, self._exposure_s, step_s=settings.exposure_step_s)
         time_s = self._asked_s
         if said.start_s is not None:
             assert self._answered_s is not None, "an answer has begun before it is judged"

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import time
+
 from drivers.camera import still_errors as errors
-from drivers.camera.camera_clock import CameraClock
+from drivers.camera.camera_clock import TOLERANCE_S, CameraClock
 from drivers.camera.still_headers import StillHeaders
 
 _SAME_EXPOSURE = 1e-3
 _SAME_DB = 0.005
+_TICK_S = time.get_clock_info("monotonic").resolution
+"""What two looks at the bench's clock may take from the time between them: a 64th of a second on some systems."""
 
 
 class StillChecks:
@@ -41,7 +45,7 @@ class StillChecks:
         """Exposure and gain as they were applied; where the camera does not say, as asked."""
         applied_s = exposure_s if said.exposure_s is None else said.exposure_s
         applied_db = gain_db if said.gain_db is None else said.gain_db
-        if applied_s <= 0 or abs(applied_s - exposure_s) > max(_SAME_EXPOSURE * exposure_s, 0.5 * step_s):
+        if applied_s <= 0 or abs(applied_s - exposure_s) > _rounding_s(exposure_s, step_s):
             raise errors.not_as_asked(self._name, "an exposure in s of", applied_s, exposure_s)
         if abs(applied_db - gain_db) > _SAME_DB:
             raise errors.not_as_asked(self._name, "a gain in dB of", applied_db, gain_db)
@@ -55,6 +59,11 @@ class StillChecks:
             self.dropped_frames += max(0, number - self._number - self._asked)
         self._number, self._asked = number, 0
 
+    def had_time(self, since_s: float, exposure_s: float, *, step_s: float) -> None:
+        """Check that a picture that was whole `since_s` after it was asked for can have been exposed in between."""
+        if since_s < exposure_s - _rounding_s(exposure_s, step_s) - TOLERANCE_S - _TICK_S:
+            raise errors.too_soon(self._name, since_s, exposure_s)
+
     def begun_s(self, start_s: float, exposure_s: float, *, asked_s: float, answered_s: float) -> float:
         """When the exposure began on the bench's clock; parameters as of `CameraClock.off_by_s`."""
         off_by_s = self._clock.off_by_s(start_s, exposure_s, asked_s=asked_s, answered_s=answered_s)
@@ -62,3 +71,8 @@ class StillChecks:
             raise errors.shifted(self._name, off_by_s)
         self._clock.learn(start_s, exposure_s, asked_s=asked_s, answered_s=answered_s)
         return self._clock.on_bench_s(start_s)
+
+
+def _rounding_s(exposure_s: float, step_s: float) -> float:
+    """By how much a camera may round an exposure."""
+    return max(_SAME_EXPOSURE * exposure_s, 0.5 * step_s)

@@ -89,6 +89,18 @@ def stale(device: str, number: int, last: int) -> DeviceFaultError:
     )
 
 
+def too_soon(device: str, since_s: float, exposure_s: float) -> DeviceFaultError:
+    """Describe a picture that was there before its exposure can have ended."""
+    return DeviceFaultError(
+        device,
+        f"the whole picture had come {since_s:.3g} s after it was asked for, before {exposure_s:g} s of exposure can "
+        "have passed: it shows an earlier moment",
+        not_done=_THROWN_AWAY,
+        to_do="let the camera begin an exposure with each question (triggered by software, not running freely); "
+        "nothing between may store pictures",
+    )
+
+
 def shifted(device: str, off_by_s: float) -> DeviceFaultError:
     """Describe a frame that was exposed at another time than it was asked for."""
     when = (

@@ -79,15 +79,16 @@ class StillServer(ThreadingHTTPServer):
         self.always: list[Misbehaviour] = []
         self.paths: list[str] = []
         self.connections = 0
+        self.early_s = 0.0
+        """How long before the end of the exposure that it is asked for it answers, with an earlier picture."""
 
     @property
     def stills(self) -> list[str]:
         return [path for path in self.paths if path.startswith("/still")]
 
-    def expose(self, path: str) -> Answer:
+    def expose(self, path: str, start_s: float) -> Answer:
         query = {key: float(values[0]) for key, values in parse_qs(urlsplit(path).query).items()}
-        start_s = self.clock.now()
-        self.clock.wait_until(start_s + query["exposure_s"])
+        self.clock.wait_until(start_s + (query["exposure_s"] - self.early_s))
         self.number += 1
         headers = {
             "Content-Type": "image/png",
@@ -111,6 +112,7 @@ class _Handler(BaseHTTPRequestHandler):
 
     def do_GET(self) -> None:
         server = self.server
+        asked_s = server.clock.now()  # before a test can see the question, and turn the clock on
         server.paths.append(self.path)
         if self.path == "/status.json":
             self._send(self._status())
@@ -118,7 +120,7 @@ class _Handler(BaseHTTPRequestHandler):
         if not self.path.startswith("/still"):
             self._send(Answer(404, body=b"not here"))
             return
-        answer = server.expose(self.path)
+        answer = server.expose(self.path, asked_s)
         for change in [*server.always, *([server.once.pop(0)] if server.once else [])]:
             change(answer)
         self._send(answer)

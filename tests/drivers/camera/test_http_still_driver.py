@@ -196,6 +196,67 @@ def test_light_is_collected_for_the_exposure_and_until_the_answer_begins(camera,
     np.testing.assert_allclose(camera.frame().time_s, begun_s, atol=1e-5)
 
 
+HEADERS = "X-Frame-Number", "X-Exposure-Start-s", "X-Exposure-s", "X-Gain-dB"
+
+
+@pytest.fixture
+def read_early(server, clock, until):
+    """Takes readings of 0.5 s whose pictures are seen to be whole so much before their exposures end."""
+
+    def read(camera, early_s):
+        server.early_s, asked = early_s, len(server.stills)
+        camera.start_reading(0.5)
+        while True:
+            asked += 1
+            until(lambda asked=asked: len(server.stills) == asked)
+            clock.sleep(0.5 - early_s)
+            until(camera._dialogue.is_whole)
+            assert camera.is_exposing()
+            clock.sleep(early_s)
+            if not camera.is_reading():
+                return
+            clock.sleep(0.2)
+            assert camera.is_reading()
+
+    return read
+
+
+@pytest.mark.parametrize("silent", [HEADERS, ()], ids=["without headers", "with headers"])
+def test_a_picture_that_is_there_before_its_exposure_can_have_ended_is_an_old_one(
+    make_camera, server, take, read_early, silent
+):
+    server.always.append(without(*silent))
+    camera = make_camera()
+    camera.connect()
+    with pytest.raises(DeviceFaultError, match=r"whole picture had come 0\.2 s after .* before 0\.5 s of exposure can"):
+        read_early(camera, 0.3)
+    assert len(server.stills) == 2 + 3
+    server.early_s = 0.0
+    take(camera, 0.5)
+    np.testing.assert_array_equal(camera.frame().counts, server.counts)
+
+
+@pytest.mark.parametrize(("early_s", "step_s"), [(0.004, 1e-6), (0.05, 0.1)], ids=["a tick", "half of its step"])
+def test_a_picture_may_be_as_much_too_soon_as_is_rounded(make_camera, server, read_early, early_s, step_s):
+    server.always.append(without(*HEADERS))
+    camera = make_camera(exposure_step_s=step_s)
+    camera.connect()
+    read_early(camera, early_s)
+    assert len(server.stills) == 2 + 1
+
+
+def test_an_early_picture_that_nobody_has_looked_for_is_taken(make_camera, server, clock, until):
+    server.always.append(without(*HEADERS))
+    camera = make_camera()
+    camera.connect()
+    server.early_s = 0.5
+    camera.start_reading(0.5)
+    until(lambda: len(server.stills) == 3)
+    clock.sleep(0.5)
+    until(lambda: not camera.is_reading())
+    assert len(server.stills) == 3
+
+
 @pytest.mark.parametrize("one_doubt", DOUBTFUL, indirect=True)
 def test_a_doubtful_picture_is_taken_again(camera, server, take, one_doubt, caplog):
     server.once += [one_doubt[0]] * 2
@@ -275,13 +336,11 @@ def test_ways_to_send_a_picture(make_camera, server, take, way):
 
 def test_a_camera_that_says_little_is_taken_with_notes(make_camera, server, take):
     server.status = None
-    server.always.append(without("X-Frame-Number", "X-Exposure-Start-s", "X-Exposure-s", "X-Gain-dB"))
+    server.always.append(without(*HEADERS))
     camera = make_camera()
     notes = camera.connect()
     assert "no /status.json" in notes[0]
-    assert [re.search(r"say (\S+):", note)[1] for note in notes[1:]] == [
-        *("X-Frame-Number", "X-Exposure-Start-s", "X-Exposure-s", "X-Gain-dB")
-    ]
+    assert [re.search(r"say (\S+):", note)[1] for note in notes[1:]] == [*HEADERS]
     take(camera)
     frame = camera.frame()
     assert (camera.identity, frame.exposure_s, frame.number) == ("", 0.1, None)
