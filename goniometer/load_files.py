@@ -17,6 +17,7 @@ from goniometer.calibration_checks import (
     zeros_for_recipe,
 )
 from goniometer.cross_checks import path_on_rig, recipe_on_rig, recipe_on_scene, scene_on_rig, time_limit_on_rig
+from goniometer.imaging.sensor_files import sensor_file_faults
 from goniometer.load_report import Report, likeness
 from goniometer.rig_file import Rig
 from goniometer.yaml_file import YamlFile, read_yaml
@@ -101,6 +102,8 @@ def load_recipe(path: Path, rig_path: Path | None = None) -> Setup:
         report.faults += recipe_on_rig(recipe, recipe_file, rig, rig_file.path)
     if recipe and scene and scene_file:
         report.faults += recipe_on_scene(recipe, recipe_file, scene, scene_file.path)
+    if rig and rig_file:
+        report.faults += sensor_file_faults(rig, rig_file)
     now = datetime.now(UTC)
     if recipe and rig and rig_file:
         report.faults += zeros_for_recipe(recipe, recipe_file, rig, rig_file.path, now)

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drivers.camera.frame import Frame
+from drivers.camera.quiet_opencv import quiet_opencv
 from goniometer.errors import JournalError
 
 FOLDER = "frames"
@@ -97,6 +98,7 @@ def load_frame(folder: Path, stored: StoredFrame) -> Frame:
     """
     import cv2
 
+    quiet_opencv()
     path = folder / stored.file
     try:
         decoded = cv2.imdecode(np.frombuffer(path.read_bytes(), np.uint8), cv2.IMREAD_UNCHANGED)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import os
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -16,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drivers.camera import video_errors as errors
+from drivers.camera.quiet_opencv import quiet_opencv
 
 Channel = Literal["red", "green", "blue", "gray"]
 
@@ -176,10 +176,7 @@ class Capture:
 
 
 def _opened(address: str, kind: Kind, timeout_s: float) -> cv2.VideoCapture:
-    """Open it, so that OpenCV and FFmpeg write nothing between our messages; whoever wants that sets the variable."""
-    os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")
-    if "OPENCV_LOG_LEVEL" not in os.environ:
-        cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
+    quiet_opencv()
     if kind is Kind.DEVICE:
         return cv2.VideoCapture(int(address)) if address.isdecimal() else cv2.VideoCapture(address)
     timeouts: Sequence[int] = []

@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from drivers.camera.installed import camera_package
 from drivers.camera.picture_head import PictureHead, read_head
+from drivers.camera.quiet_opencv import quiet_opencv
 from goniometer.errors import ReplyError
 
 
@@ -52,6 +53,7 @@ def counts_of(name: str, data: bytes, *, width: int, height: int, bits: int) -> 
 
 def _decoded(data: bytes) -> NDArray[np.uint16] | None:
     cv2 = camera_package("cv2")
+    quiet_opencv()
     try:
         counts: NDArray[np.uint16] | None = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
     except cv2.error:

@@ -6,8 +6,6 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from acquisition.recipe import Recipe
-from goniometer.errors import ConfigurationError
-from goniometer.imaging.sensor_files import sensor_files
 from goniometer.rig_devices.camera import CameraEntry
 from goniometer.rig_devices.video_camera import VideoCameraEntry
 from goniometer.rig_file import Rig
@@ -16,10 +14,6 @@ from goniometer.yaml_file import Fault, YamlFile
 
 def imaging_faults(recipe: Recipe, file: YamlFile, rig: Rig, rig_path: Path) -> Iterator[Fault]:
     """What the rig lacks for maps, at the recipe's own lines."""
-    try:
-        sensor_files(rig, rig_path)
-    except ConfigurationError as error:
-        yield from (file.fault(("rig",), fault) for fault in error.faults)
     if recipe.imaging is None:
         return
     camera = rig.detector

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +15,7 @@ from acquisition.analyzer_matrix import AnalyzerState
 from acquisition.imaging.chain import Chain, OnSample, Taken, without_maps
 from acquisition.imaging.choice import Imaging
 from acquisition.imaging.frame_files import StoredFrame, load_frame
-from acquisition.imaging.light.bad_pixels import hot_pixels, masked_pixels
+from acquisition.imaging.light.bad_pixels import hot_pixels
 from acquisition.imaging.light.corrections import Corrections
 from acquisition.imaging.light.dark import Dark
 from acquisition.imaging.light.flat import Flat
@@ -27,12 +28,13 @@ from acquisition.imaging.stokes.stokes_inverse import inverse_of
 from acquisition.journal import Journal
 from acquisition.readings import Reading
 from drivers.camera.frame import Frame
-from drivers.camera.region import Region
 from goniometer.errors import JournalError, ReductionError
-from goniometer.imaging.sensor_files import BAD_PIXELS, FLAT
+from goniometer.imaging.sensor_files import BAD_PIXELS, FLAT, read_bad_pixels, read_flat
 from goniometer.planning import detection, reduction
 from goniometer.rig_devices.camera import CameraEntry
 from goniometer.run_folder import MeasuredRun
+
+_T = TypeVar("_T")
 
 
 @dataclass(frozen=True)
@@ -65,7 +67,7 @@ def run_maps(run: MeasuredRun) -> Iterator[DirectionMaps]:
     assert isinstance(camera, CameraEntry), "such a recipe is accepted only with a camera"
     taken = photographed(run.folder)
     chain = Chain(
-        corrections(run.folder, camera, taken, sensitivity(run.folder, camera.region.region)),
+        corrections(run.folder, camera, taken, _kept(run.folder / FLAT, read_flat, camera)),
         inverse_of(*_analyzer(run)),
         imaging.registration,
         _on_sample(imaging, camera, run),
@@ -128,9 +130,17 @@ def _taken(of_point: Sequence[Photographed], per_sr: tuple[float, ...]) -> Taken
     return Taken(readings[0].point, arms, has_exit_azimuth, (), per_sr)
 
 
-def sensitivity(folder: Path, region: Region) -> Flat | None:
-    """That of the pixels beside the region's, which power is known of; a run keeps it if its rig names it."""
-    return Flat.load(folder / FLAT).beside(region) if (folder / FLAT).exists() else None
+def _kept(path: Path, read: Callable[[Path, CameraEntry], _T], camera: CameraEntry) -> _T | None:
+    """What a run has kept of a file that its rig names of the sensor; None where it names none."""
+    if not path.exists():
+        return None
+    try:
+        return read(path, camera)
+    except (OSError, ReductionError) as error:
+        raise ReductionError(
+            f"{error} It is the run's own copy of what its rig file names: put a good one in its place, and make the "
+            f"maps again with: goniometer fit {path.parent}"
+        ) from error
 
 
 def corrections(
@@ -151,8 +161,7 @@ def corrections(
     darks = [frame for one in taken if one.reading.kind == "dark" for frame in one.frames]
     dark = Dark(sensor, _readable(folder, darks)) if darks else None
     bad: NDArray[np.bool_] | None = None if dark is None else hot_pixels(dark)
-    if (folder / BAD_PIXELS).exists():
-        masked = masked_pixels(folder / BAD_PIXELS)
+    if (masked := _kept(folder / BAD_PIXELS, read_bad_pixels, camera)) is not None:
         bad = masked if bad is None else masked | bad
     return Corrections(sensor, dark, flat, bad)
 

@@ -10,8 +10,11 @@ from numpy.typing import NDArray
 
 from acquisition.imaging.light.dark import Dark
 from acquisition.imaging.light.dark_level import DarkLevel
+from drivers.camera.picture_head import read_head
+from drivers.camera.quiet_opencv import quiet_opencv
 from goniometer.errors import ReductionError
 
+_PNG = b"\x89PNG\r\n\x1a\n"
 _SIGMAS_OF_MAD = 1.4826
 """A normal distribution's standard deviation over the median distance from its median."""
 
@@ -50,8 +53,9 @@ def masked_pixels(path: Path) -> NDArray[np.bool_]:
     """
     import cv2
 
+    quiet_opencv()
     content = path.read_bytes()
-    is_png = content.startswith(b"\x89PNG\r\n\x1a\n")
+    is_png = content.startswith(_PNG) and _is_whole(content)
     mask = cv2.imdecode(np.frombuffer(content, np.uint8), cv2.IMREAD_UNCHANGED) if is_png else None
     if mask is None or mask.ndim != 2:
         raise ReductionError(
@@ -59,3 +63,12 @@ def masked_pixels(path: Path) -> NDArray[np.bool_]:
             "It was not used. Save it as a gray picture."
         )
     return np.asarray(mask != 0)
+
+
+def _is_whole(content: bytes) -> bool:
+    """Whether a file is complete; the library would write a line of its own about it."""
+    try:
+        read_head(content)
+    except ValueError:
+        return False
+    return True

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from acquisition.imaging.light.signal_image import SignalImage
+from drivers.camera.quiet_opencv import quiet_opencv
 from drivers.camera.region import Region
 from goniometer.errors import ReductionError
 
@@ -69,8 +70,8 @@ class Flat:
         within = self.sensitivity[region.top : region.top + region.height, region.left : region.left + region.width]
         if not np.isfinite(within).any():
             raise ReductionError(
-                "The flat knows nothing of the region that the rig names: all of its pixels are bad. No direction has "
-                "a map. Choose another region, or make the flat again."
+                "The flat knows nothing of the region that the rig names: all of its pixels are bad there. It was not "
+                "used. Choose another region, or make the flat again."
             )
         return Flat(self.sensitivity / np.float32(np.nanmean(within, dtype=np.float64)), self.relative_variance)
 
@@ -111,8 +112,12 @@ class Flat:
         import cv2
 
         content = np.frombuffer(path.read_bytes(), np.uint8)
+        quiet_opencv()
         is_tiff = content[:2].tobytes() in (b"II", b"MM")
-        pages = cv2.imdecodemulti(content, cv2.IMREAD_UNCHANGED)[1] if is_tiff else ()
+        try:
+            pages = cv2.imdecodemulti(content, cv2.IMREAD_UNCHANGED)[1] if is_tiff else ()
+        except cv2.error:
+            pages = ()
         if len(pages) != 2 or any(page.dtype != np.float32 or page.shape != pages[0].shape for page in pages):
             raise ReductionError(
                 f"{path} is no flat: it must be a TIFF of two pages of 32-bit floats of one size, sensitivity and its "

@@ -2,9 +2,12 @@
 
 from pathlib import Path
 
+import cv2
+import numpy as np
 import pytest
 import yaml
 
+from acquisition.imaging.light.flat import Flat
 from goniometer.check import describe_plan
 from goniometer.errors import ConfigurationError
 from goniometer.load_files import load_recipe
@@ -106,7 +109,7 @@ def _other_number(recipe, rig, scene):
 @pytest.mark.parametrize(
     ("change", "file", "key", "message"),
     [
-        (_named_flat, "recipe", "rig", r"flat\.tiff, which .*rig\.yaml names of its camera, is not there"),
+        (_named_flat, "rig", "devices.camera.flat", r"\S+flat\.tiff is not there"),
         (_no_holder, "recipe", "imaging.area", "needs the holder, of which"),
         (_no_optics, "recipe", "imaging.area", "needs the optics of the camera"),
         (_no_black, "recipe", "imaging.exposures", "needs the sensor's black_counts"),
@@ -125,6 +128,60 @@ def test_what_is_refused_before_anything_moves(load, change, file, key, message)
     with pytest.raises(ConfigurationError, match=rf"{file}\.yaml:\d+: key '{key}': .*{message}") as refused:
         load(change)
     assert len(refused.value.faults) == 1
+
+
+def even(height, width):
+    return Flat(np.ones((height, width), np.float32), np.full((height, width), 1e-6, np.float32))
+
+
+def cut(path):
+    even(360, 480).save(path)
+    path.write_bytes(path.read_bytes()[: 3 * path.stat().st_size // 4])
+
+
+def cut_mask(path):
+    mask(360, 480)(path)
+    path.write_bytes(path.read_bytes()[:-20])
+
+
+def mask(height, width):
+    return lambda path: path.write_bytes(cv2.imencode(".png", np.zeros((height, width), np.uint8))[1].tobytes())
+
+
+UNFIT = {
+    "size": (
+        "flat",
+        even(100, 90).save,
+        r"is of 90 x 100 pixels, and the camera's pictures have 480 x 360 \(width_px,",
+    ),
+    "text": ("flat", lambda path: path.write_text("hello"), "is no flat: it must be a TIFF of two pages"),
+    "broken": ("flat", cut, "is no flat: it must be a TIFF of two pages"),
+    "folder": ("flat", lambda path: path.mkdir(), "cannot be read: "),
+    "mask's size": ("bad_pixels", mask(480, 360), "is of 360 x 480 pixels"),
+    "broken mask": ("bad_pixels", cut_mask, "is no mask of bad pixels"),
+    "no mask": ("bad_pixels", lambda path: path.write_text("hello"), "is no mask of bad pixels"),
+}
+
+
+@pytest.mark.parametrize("unfit", UNFIT)
+def test_a_file_of_the_sensor_that_no_maps_can_use_is_refused_where_the_rig_names_it(load, tmp_path, capfd, unfit):
+    key, write, message = UNFIT[unfit]
+    write(tmp_path / "file of mine")
+
+    def named(recipe, rig, scene):
+        rig["devices"]["camera"][key] = "file of mine"
+
+    expected = rf"^\S+rig\.yaml:\d+: key 'devices\.camera\.{key}': \S+file of mine {message}"
+    cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_WARNING)  # as it begins
+    with pytest.raises(ConfigurationError, match=expected) as refused:
+        load(named)
+    assert len(refused.value.faults) == 1
+    assert capfd.readouterr().err == "", "OpenCV has said something itself"
+
+
+def test_files_of_the_sensor_that_fit_are_accepted(load, tmp_path):
+    even(360, 480).save(tmp_path / "flat.tiff")
+    load(_named_flat)
 
 
 def test_what_a_person_may_know_wrongly_of_lens_and_holder_is_no_fault(load):

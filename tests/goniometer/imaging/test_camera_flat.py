@@ -7,10 +7,12 @@ from click.testing import CliRunner
 from numpy.testing import assert_allclose
 
 import goniometer
+from acquisition.imaging.light.flat import Flat
 from goniometer.cli import cli
 from goniometer.errors import ReductionError
 from goniometer.imaging.run_flat import flat_of_run
-from goniometer.run_folder import measured
+from goniometer.run_folder import measured, stored_run
+from goniometer.run_results import write_results
 
 UNEVEN = {"prnu": 0.05}
 DARK_CORNERS = [{"effect": "vignetting", "polynomial": [-20.0]}]
@@ -58,6 +60,24 @@ def test_uneven_pixels_are_taken_out_by_a_flat(camera_recipe, tmp_path):
     assert_allclose(light[30:42, 40:56].mean(), of_region[0], rtol=0.004)
     assert np.isnan(light[3, 5])
     assert np.isfinite(light).sum() > 0.99 * light.size
+
+
+def test_a_kept_file_that_no_maps_can_use_is_named_with_what_to_do(camera_recipe, tmp_path):
+    folder = goniometer.run(camera_recipe([0]), speed="max", out=tmp_path / "runs", live_fit=False).folder
+    size = np.ones((10, 10), np.float32)
+    for name, write, fault in (
+        ("sensor_flat.tiff", Flat(size, size).save, "is of 10 x 10 pixels"),
+        ("sensor_flat.tiff", lambda path: path.write_text("hello"), "is no flat"),
+        ("sensor_bad_pixels.png", lambda path: path.write_text("hello"), "is no mask"),
+    ):
+        write(folder / name)
+        (note,) = write_results(stored_run(folder)).maps.notes
+        assert note.startswith(f"no maps: {folder / name} {fault}")
+        assert "the run's own copy of what its rig file names: put a good one in its place" in note
+        assert note.endswith(f"goniometer fit {folder}")
+        (folder / name).unlink()
+    made = write_results(stored_run(folder)).maps
+    assert (made.made, made.notes) == (1, ())
 
 
 def _bad_pixels():

@@ -48,7 +48,7 @@ def test_the_light_of_a_region_is_what_it_was_without_a_flat():
 def test_a_region_of_bad_pixels_alone_is_refused():
     image = even()
     image.signal[2:5, 3:6] = np.nan
-    with pytest.raises(ReductionError, match=r"nothing of the region .* No direction has a map\. Choose"):
+    with pytest.raises(ReductionError, match=r"nothing of the region .* It was not used\. Choose another"):
         Flat.of(image).beside(Region(3, 2, 3, 3))
 
 
