@@ -22,7 +22,7 @@ class StillSettings:
     bits : int
         Of the counts, 8 to 16.
     gain_db : float
-        As it is told.
+        As it is told; 0 where `still` tells none, so that all figures are those of the gain that it has.
     still : str
         Path of a picture, with `{exposure_s}`, `{gain_db}` and `{bits}` in it.
     exposure_step_s : float

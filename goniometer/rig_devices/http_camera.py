@@ -51,6 +51,12 @@ class HttpCameraEntry(CameraEntry):
                 ("still",),
                 f"got {self.still!r}; allowed: a path that begins with / and has {{exposure_s}} in it, such as {STILL}",
             )
+        elif "{gain_db}" not in self.still and self.gain_db != 0.0:
+            yield (
+                ("still",),
+                f"got {self.still!r}, which does not tell the camera gain_db, {self.gain_db:g}; allowed: a path with "
+                "{gain_db} in it, or gain_db 0 with watts_per_count_per_s and sensor at the gain that the camera has",
+            )
 
     @property
     def _settings(self) -> StillSettings:

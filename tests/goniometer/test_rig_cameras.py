@@ -53,6 +53,17 @@ def test_a_rig_with_a_camera_as_its_detector(tmp_path):
     np.testing.assert_allclose(stated, variance, rtol=1e-12)
 
 
+def test_a_gain_that_no_address_tells_the_camera_is_refused():
+    untold = {"still": "/snap?exposure_s={exposure_s}", "sensor": {"read_counts": 3.0, "electrons_per_count": 2.5}}
+    assert camera(**untold).gain_db == 0.0
+    with pytest.raises(
+        ValidationError, match=r"does not tell the camera gain_db, 6; allowed: a path with {gain_db} in"
+    ):
+        camera(**untold, gain_db=6.0)
+    told = untold | {"still": "/snap?exposure_s={exposure_s}&gain={gain_db}"}
+    assert camera(**told, gain_db=6.0).gain_db == 6.0
+
+
 def test_what_follows_from_the_keys():
     entry = camera(most_saturated=0.01)
     assert (entry.saturated_from, camera(saturation_counts=3900).saturated_from) == (4095, 3900)
