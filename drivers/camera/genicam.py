@@ -26,6 +26,11 @@ _WARM_UP_POLL_S = 0.005
 
 _TRIGGER = {"TriggerSelector": "FrameStart", "TriggerSource": "Software", "TriggerMode": "On"}
 _ALWAYS_BY_HAND = {"ExposureAuto": "Off", "GainAuto": "Off", "BlackLevelAuto": "Off", "AcquisitionMode": "Continuous"}
+_SWITCHED_OFF = dict.fromkeys(("GammaEnable", "LUTEnable", "ReverseX", "ReverseY"), False)
+_ONE_BY_ONE = dict.fromkeys(("BinningHorizontal", "BinningVertical", "DecimationHorizontal", "DecimationVertical"), 1)
+_PLAIN = _SWITCHED_OFF | _ONE_BY_ONE
+"""Counts in proportion to light, of single pixels of the sensor, not mirrored: a viewer may have left it otherwise, and
+no picture shows it. Binning limits the size, which is set behind it."""
 
 
 class GenicamCamera(ReadsPictures):
@@ -194,9 +199,11 @@ class GenicamCamera(ReadsPictures):
 
     def _set_up(self, camera: GentlCamera) -> None:
         width, height = self._size
-        for feature, value in _ALWAYS_BY_HAND.items():
+        for feature, value in (_ALWAYS_BY_HAND | _PLAIN).items():
             if camera.has(feature):
                 camera.set(feature, value)
+        if camera.has("Gamma") and not camera.has("GammaEnable"):
+            camera.set("Gamma", 1.0)
         for feature, wanted in (("PixelFormat", f"Mono{self._bits}"), ("Width", width), ("Height", height)):
             camera.set(feature, wanted)
         if camera.has("Gain") or self._gain_db:

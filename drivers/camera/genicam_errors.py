@@ -64,7 +64,8 @@ def not_taken(name: str, feature: str, value: str | float, why: str) -> DeviceFa
         name,
         f"the camera did not take {feature} = {value}: {why}",
         not_done="no picture was taken",
-        to_do="change what the rig file says of it to what the camera has",
+        to_do="change what the rig file says of it to what the camera has; what it does not say, change with the "
+        "maker's software",
     )
 
 

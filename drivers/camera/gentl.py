@@ -33,11 +33,14 @@ class Library:
         What GenTL and GenApi raise.
     on_incomplete : callable
         Lets an acquirer call a function when a picture has come incomplete, which it keeps to itself otherwise.
+    is_available : callable
+        Whether a node is more than a name: cameras of a series share descriptions, and not all have all of it.
     """
 
     harvester: Callable[[], Any]
     errors: tuple[type[Exception], ...]
     on_incomplete: Callable[[Any, Callable[[], None]], None]
+    is_available: Callable[[Any], bool]
 
 
 def harvesters() -> Library:
@@ -53,7 +56,9 @@ def harvesters() -> Library:
 
         acquirer.add_callback(acquirer.Events.INCOMPLETE_BUFFER, Told())
 
-    return Library(core.Harvester, (gentl.GenericException, genapi.GenericException), on_incomplete)
+    return Library(
+        core.Harvester, (gentl.GenericException, genapi.GenericException), on_incomplete, genapi.is_available
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,7 +126,8 @@ class GentlCamera:
     def has(self, feature: str) -> bool:
         """Whether the camera has a feature, by its name in the Standard Features Naming Convention."""
         with self._talking(f"{feature} could not be asked for"):
-            return bool(self._acquirer.remote_device.node_map.has_node(feature))
+            node_map = self._acquirer.remote_device.node_map
+            return bool(node_map.has_node(feature)) and self._library.is_available(getattr(node_map, feature))
 
     def get(self, feature: str) -> Any:
         """What a feature is set to."""

@@ -34,6 +34,7 @@ class GenTlError(Exception):
 class Node:
     def __init__(self, value, low=-math.inf, high=math.inf, step=0.0, execute=None):
         self._value, self.min, self.max, self._step, self.execute = value, low, high, step, execute
+        self.is_available = True
 
     @property
     def value(self):
@@ -166,7 +167,7 @@ def make(clock, tmp_path):
             serial_number,
             clock,
             photometer,
-            load=lambda: Library(lambda: fake, (GenTlError,), on_incomplete),
+            load=lambda: Library(lambda: fake, (GenTlError,), on_incomplete, lambda node: node.is_available),
             **{"size": SIZE, "bits": 12} | parameters,
         )
 
@@ -191,6 +192,70 @@ def test_set_up_by_hand_and_triggered_by_software(make, fake):
     assert (nodes.TriggerMode.value, nodes.TriggerSource.value) == ("On", "Software")
     assert camera.identity == "Maker M1 0815"
     assert "expose" not in fake.log
+
+
+class BinnedWidth(Node):
+    """How many columns there are depends on the binning."""
+
+    def __init__(self, nodes):
+        super().__init__(8)
+        self.nodes = nodes
+
+    @property
+    def value(self):
+        return self._value
+
+    @value.setter
+    def value(self, value):
+        if value > 20 // self.nodes.BinningHorizontal.value:
+            raise GenTlError(f"{value} columns are too many")
+        self._value = value
+
+
+def test_what_a_viewer_has_left_on_is_taken_back(make, fake):
+    nodes = fake.remote_device.node_map
+    left = {"GammaEnable": True, "LUTEnable": True, "ReverseX": True, "ReverseY": True}
+    left |= {"BinningHorizontal": 2, "BinningVertical": 2, "DecimationHorizontal": 2, "DecimationVertical": 4}
+    for name, value in left.items():
+        setattr(nodes, name, Node(value))
+    nodes.Gamma, nodes.Width = Node(0.45), BinnedWidth(nodes)
+    make(fake).connect()
+    held = {name: getattr(nodes, name).value for name in left}
+    assert held == {name: False if value is True else 1 for name, value in left.items()}
+    assert nodes.Gamma.value == 0.45, "it is switched off"
+    del nodes.GammaEnable
+    make(fake).connect()
+    assert nodes.Gamma.value == 1.0
+
+
+def test_what_a_camera_has_in_name_only_is_left_alone(make, fake):
+    class Nameless(Node):
+        @property
+        def value(self):
+            raise GenTlError("node is not implemented")
+
+    nodes = fake.remote_device.node_map
+    for name in ("GammaEnable", "BlackLevelAuto"):
+        setattr(nodes, name, Nameless(None))
+        getattr(nodes, name).is_available = False
+    make(fake).connect()
+
+
+def test_what_cannot_be_taken_back_is_an_error(make, fake):
+    class Fixed(Node):
+        @property
+        def value(self):
+            return True
+
+        @value.setter
+        def value(self, value):
+            raise GenTlError("node is not writable")
+
+    fake.remote_device.node_map.ReverseX = Fixed(True)
+    with pytest.raises(
+        DeviceFaultError, match=r"did not take ReverseX = False: node is not writable.* maker's software"
+    ):
+        make(fake).connect()
 
 
 def test_a_reading_is_one_picture_begun_by_the_trigger(make, fake, clock):
