@@ -35,7 +35,7 @@ def pictures(drawing):
 def test_displacements_are_found_although_the_contrast_inverts(pictures, exit_deg):
     found = shifts(pictures(exit_deg, 0.02))
     assert_allclose(found.shifts_px, TRUE, atol=0.05)
-    assert (found.correlations > 0.85).all()
+    assert (found.correlations > 0.8).all()
 
 
 def test_the_border_of_two_materials_is_enough_without_any_marker(pictures):
@@ -61,14 +61,14 @@ def test_bad_pixels_and_glare_without_value_leave_displacements_as_they_are(pict
 def test_pictures_of_noise_share_nothing(method):
     random = np.random.default_rng(1)
     views = [0.1 + 0.02 * random.standard_normal((120, 160)) for _ in range(2)]
-    with pytest.raises(ReductionError, match="Picture 2 of 2 behind the analyzer shares no structure with the first"):
+    with pytest.raises(ReductionError, match="Picture 2 of 2 behind the analyzer shares too little structure with"):
         shifts(views, method=method)
 
 
 @pytest.mark.parametrize("dark", [np.full((120, 160), 0.3), np.full((120, 160), np.nan)], ids=["even", "unknown"])
 def test_an_empty_picture_is_refused(pictures, dark):
     view = pictures(0.0, 0.02)[0][:120, :160]
-    with pytest.raises(ReductionError, match="shares no structure"):
+    with pytest.raises(ReductionError, match="too little structure with the first: their edges correlate by 0"):
         shifts([view, dark])
 
 
