@@ -1,16 +1,20 @@
-"""Scans behind a polarizer with a wedge, before a sensor whose pixels differ."""
+"""A scan whose pictures are registered, before a sensor whose pixels differ."""
 
 import numpy as np
 
-WEDGE = [{"effect": "blur", "sigma_px": 0.7}, {"effect": "wedge", "deviation_px": 1.5, "direction_deg": 20}]
-UNEVEN = {"electrons_per_count": 5, "read_counts": 4, "dark_counts": 200, "prnu": 0.02}
+from goniometer.run_recipe import run
 
 
-def test_a_plate_without_structure_has_no_maps_and_says_what_to_do(tmp_path, run_in):
-    plate = {"plate": {"size_mm": [200, 200]}}
-    asked = {"area": None, "registration": "ecc"}
-    maps = run_in(tmp_path, exit_deg=[0, 60], imaging=asked, sensor=UNEVEN, lens=WEDGE, scene=plate).maps()
-    assert np.isnan(maps["S0"]).all()
-    for note in maps["notes"]:
-        assert "shares too little structure" in note
-        assert "take registration out of the recipe" in note
+def test_a_direction_in_which_only_the_sensor_has_structure_has_no_map_and_says_what_to_do(
+    camera_recipe, stored, tmp_path
+):
+    """At 0° the plate fills the picture; at 60° its borders are in it."""
+    recipe = camera_recipe([0, 60], sensor={"prnu": 0.05}, patches=False, imaging={"registration": "ecc"})
+    run(recipe, out=tmp_path / "runs", speed="max", live_fit=False)
+    (made,) = (tmp_path / "runs").iterdir()
+    maps = stored(made).maps()
+    assert np.isnan(maps["S0"][0]).all()
+    assert "shares too little structure" in maps["notes"][0]
+    assert "take registration out of the recipe" in maps["notes"][0]
+    assert np.isfinite(maps["S0"][1]).mean() > 0.9
+    assert maps["notes"][1] == ""
