@@ -32,7 +32,7 @@ def cut_off(command, ends, root):
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="signals of this kind exist on POSIX only")
-@pytest.mark.parametrize(("ends", "speed"), [("SIGKILL", "max"), ("SIGINT", "10")])
+@pytest.mark.parametrize(("ends", "speed"), [("SIGKILL", "max"), ("SIGINT", "5")])
 def test_a_run_that_was_cut_off_is_whole_once_it_was_resumed(camera_recipe, tmp_path, pytestconfig, ends, speed):
     out = tmp_path / "runs"
     arguments = ["run", camera_recipe(), "--out", out, "--speed", speed, "--json"]
