@@ -1,6 +1,7 @@
 """What every test runs under."""
 
 import gc
+import os
 
 import pytest
 from hypothesis import settings
@@ -9,6 +10,11 @@ from acquisition import journal
 
 settings.register_profile("untimed", deadline=None)  # how long an example takes says how busy the computer is
 settings.load_profile("untimed")
+
+
+def pytest_configure():
+    """Let the processes that share the cores do linear algebra in one thread each; several wait for one another."""
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 
 def pytest_collection_finish():
