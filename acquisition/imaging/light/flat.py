@@ -124,11 +124,14 @@ class Flat:
                 "relative variance. It was not used. Make it again from flat frames."
             )
         sensitivity, relative_variance = (np.asarray(page, np.float32) for page in pages)
-        is_good = np.isfinite(sensitivity)
+        is_good = ~np.isnan(sensitivity)
         mean = float(np.mean(sensitivity, where=is_good, dtype=np.float64)) if is_good.any() else 0.0
-        if abs(mean - 1.0) > 1e-3 or not (sensitivity[is_good] > 0.0).all():
+        relative = relative_variance[is_good]
+        is_possible = (sensitivity[is_good] > 0.0).all() and (np.isfinite(relative) & (relative >= 0.0)).all()
+        if not (abs(mean - 1.0) <= 1e-3 and is_possible):
             raise ReductionError(
-                f"{path} is no flat: sensitivities are above 0 and have the mean 1 over good pixels, "
-                f"here {mean:.4g}. It was not used. Make it again from flat frames."
+                f"{path} is no flat: sensitivities are above 0 and have the mean 1 over good pixels, here {mean:.4g}, "
+                "their variances are 0 or more, and pixels that are not good are NaN. It was not used. Make it again "
+                "from flat frames."
             )
         return cls(sensitivity, relative_variance)

@@ -82,13 +82,20 @@ def test_other_files_are_no_flats(tmp_path):
     good = flat.sensitivity
     Flat(good * 1_000, good).save(tmp_path / "scaled.tiff")
     Flat(np.where(good < good.mean(), -good, good * 3), good).save(tmp_path / "negative.tiff")
+    holed, wrong = good.copy(), good.copy()
+    holed[1, 2], wrong[1, 2] = np.inf, -0.1
+    Flat(holed, good).save(tmp_path / "infinite.tiff")
+    Flat(good, wrong).save(tmp_path / "variance.tiff")
+    wrong[1, 2] = np.nan
+    Flat(good, wrong).save(tmp_path / "unknown.tiff")
     Flat(np.full_like(good, np.nan), good).save(tmp_path / "bad.tiff")
     (tmp_path / "text.tiff").write_text("1 1 1")
     (tmp_path / "empty.tiff").write_bytes(b"")
     (tmp_path / "page.tiff").write_bytes(cv2.imencode(".tiff", good)[1].tobytes())
     (tmp_path / "whole.tiff").write_bytes(cv2.imencodemulti(".tiff", [good.astype(np.uint16)] * 2)[1].tobytes())
     (tmp_path / "cut.tiff").write_bytes(content[: len(content) // 2])
-    for name in ("scaled", "negative", "bad", "text", "empty", "page", "whole", "cut"):
+    given = "scaled", "negative", "infinite", "variance", "unknown", "bad"
+    for name in (*given, "text", "empty", "page", "whole", "cut"):
         with pytest.raises(ReductionError, match=rf"{name}\.tiff is no flat"):
             Flat.load(tmp_path / f"{name}.tiff")
     with pytest.raises(FileNotFoundError, match=r"nowhere\.tiff"):
