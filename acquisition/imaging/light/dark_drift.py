@@ -10,6 +10,9 @@ from numpy.typing import NDArray
 _FAR = 3.0
 """In ranges of the middle half of the pixels; noise does not reach it, hot pixels and glints do."""
 
+_STEP = 5.0
+"""In read noises, of which a single step of the counts is 3.5 at most; that range is 0 where few pixels took one."""
+
 
 class DarkDrift:
     """Black level over time, relative to its mean over the dark pictures.
@@ -37,15 +40,16 @@ class DarkDrift:
         return float(2.0 * found - mirrored)
 
 
-def shift_counts(counts: NDArray[np.float32], first: NDArray[np.float32]) -> float:
+def shift_counts(counts: NDArray[np.float32], first: NDArray[np.float32], read_counts: float) -> float:
     """By how much a dark picture is brighter than the first one: mean over all pixels but those that are far off.
 
-    A median would be one of few values, because counts are whole. NaN where no pixel is known in both.
+    A median would be one of few values, because counts are whole; `read_counts` is the read noise. NaN where no pixel
+    is known in both.
     """
     apart = counts - first
     apart = apart[np.isfinite(apart)]
     if not apart.size:
         return np.nan
     low, high = np.percentile(apart, (25.0, 75.0))
-    reach = _FAR * (high - low) + 1.0  # rounding alone moves by one count
+    reach = _FAR * (high - low) + max(_STEP * read_counts, 1.0)  # rounding alone moves by one count
     return float(apart.mean(where=np.abs(apart - (low + high) / 2.0) <= reach, dtype=np.float64))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from statistics import fmean
 
@@ -71,7 +72,7 @@ class DarkSum:
         self.pictures: list[DarkPicture] = []
         self._sensor, self._gain_db = sensor, gain_db
         self._exposures_s: list[float] = []
-        self._averaged, self._slope_squared = 0, 1.0
+        self._averaged, self._read_variance = 0, sensor.read_variance(gain_db)
 
     def add(self, frame: Frame) -> None:
         """Take one more."""
@@ -83,8 +84,8 @@ class DarkSum:
             self._first, self._total = true, np.zeros_like(true)
             self._typical = float(middle if table is None else table.true_counts(middle))
             if table is not None:
-                self._slope_squared = float(np.median(table.slope_squared(counts)))
-        shift = shift_counts(true, self._first)
+                self._read_variance *= float(np.median(table.slope_squared(counts)))
+        shift = shift_counts(true, self._first, math.sqrt(self._read_variance))
         name = frame_name("Dark frame", len(self.pictures), frame)
         self.pictures.append(DarkPicture(name, frame.time_s, self._typical + shift))
         self._total += true  # exact to 2**24, some hundreds of frames of 16 bits
@@ -93,7 +94,7 @@ class DarkSum:
 
     def level(self) -> DarkLevel:
         """Their mean."""
-        variance = self._sensor.read_variance(self._gain_db) * self._slope_squared / self._averaged
+        variance = self._read_variance / self._averaged
         drift = DarkDrift([one.time_s for one in self.pictures], [one.counts for one in self.pictures])
         mean = self._total / np.float32(len(self.pictures))
         return DarkLevel(fmean(self._exposures_s), self._gain_db, self._averaged, mean, variance, drift)

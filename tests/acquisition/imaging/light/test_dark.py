@@ -12,6 +12,7 @@ from acquisition.imaging.light.linearity import Linearity
 from acquisition.imaging.light.sensor import Sensor
 from acquisition.imaging.stokes.pixel_formula import SensorNoise
 from drivers.camera.frame import Frame
+from drivers.camera.frame_sum import FrameSum
 from goniometer.errors import ReductionError
 
 SENSOR = Sensor(SensorNoise(np.sqrt(2.0**2 + 1 / 12), 1.5), 4_000, bits=12)
@@ -155,6 +156,23 @@ def test_drift_is_known_far_better_than_to_a_count():
     (level,) = Dark(SENSOR, frames).levels
     stderr = 2.0 / np.sqrt(OFFSET.size)
     assert_allclose([level.drift.counts(step) for step in steps], steps - steps.mean(), atol=4 * stderr)
+
+
+@pytest.mark.parametrize("pictures", [1, 3])
+def test_drift_shows_in_counts_that_come_in_large_steps(pictures):
+    """Pictures of 8 bits with little noise: where a level creeps, few pixels are another step of 257 counts up."""
+    noise, times_s = 0.25, np.arange(8.0)
+    sensor = Sensor(SensorNoise(257 * np.hypot(noise, 1 / np.sqrt(12)), 0.2), 65_535)
+    frames = []
+    for time_s in times_s:
+        total = FrameSum()
+        for _ in range(pictures):
+            total.add(np.rint(10.1 + 0.05 * time_s + RANDOM.normal(0, noise, SHAPE)).astype(np.uint8))
+        frames.append(Frame(total.mean_counts(), 16, 0.04, 0.0, time_s, averaged=pictures))
+    frames[-1].counts[:2] = 60_000
+    (level,) = Dark(sensor, frames).levels
+    means = np.array([one.counts[2:].mean() for one in frames])
+    assert_allclose([level.drift.counts(time_s) for time_s in times_s], means - means.mean(), atol=1.0)
 
 
 def test_a_short_dark_brighter_than_a_long_one_is_not_dark():
