@@ -14,6 +14,7 @@ from drivers.camera.picture_head import read_head
 from drivers.camera.quiet_opencv import quiet_opencv
 from goniometer.errors import ReductionError
 
+_MOST_BAD = 0.5
 _PNG = b"\x89PNG\r\n\x1a\n"
 _SIGMAS_OF_MAD = 1.4826
 """A normal distribution's standard deviation over the median distance from its median."""
@@ -62,7 +63,13 @@ def masked_pixels(path: Path) -> NDArray[np.bool_]:
             f"{path} is no mask of bad pixels: it must be a PNG of one channel, black where a pixel is good. "
             "It was not used. Save it as a gray picture."
         )
-    return np.asarray(mask != 0)
+    is_bad = np.asarray(mask != 0)
+    if is_bad.mean() > _MOST_BAD:
+        raise ReductionError(
+            f"{path} marks {is_bad.mean():.1%} of the pixels as bad, where black is good. It was not used. If white "
+            "was meant to be good, invert it."
+        )
+    return is_bad
 
 
 def _is_whole(content: bytes) -> bool:

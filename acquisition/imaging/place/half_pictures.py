@@ -15,7 +15,7 @@ Halves = tuple[Map, Map]
 
 _SURROUNDINGS = 12
 _GAP = 8
-_WINDOW_SHARE = 0.2
+WINDOW_SHARE = 0.2
 _STANDING_OUT = 8.0
 _ABOUT_PX = 5
 
@@ -86,8 +86,8 @@ def half_edges(light: Map, known: NDArray[np.bool_], smooth_px: float) -> Halves
     whole = cv2.erode(known.astype(np.uint8), np.ones(gap, np.uint8)).astype(np.float32)
     about = (int(_SURROUNDINGS * smooth_px) + 1,) * 2
     share = np.maximum(cv2.blur(whole, about), np.float32(1e-6))
-    window = whole * tukey(height, _WINDOW_SHARE).astype(np.float32)[:, None]
-    window *= tukey(width, _WINDOW_SHARE).astype(np.float32)
+    window = whole * tukey(height, WINDOW_SHARE).astype(np.float32)[:, None]
+    window *= tukey(width, WINDOW_SHARE).astype(np.float32)
 
     def edges(steepness: Map) -> Map:
         steepness *= whole

@@ -12,6 +12,7 @@ from scipy.fft import rfft2
 
 from acquisition.imaging.place.displacement import by_ecc, by_phase
 from acquisition.imaging.place.half_pictures import Halves, half_edges, without_dead
+from acquisition.imaging.place.structure import evenness
 from goniometer.errors import ReductionError
 
 Map = NDArray[np.float64]
@@ -20,9 +21,14 @@ Method = Literal["ecc", "phase"]
 _LEAST_CORRELATION = 0.25
 """Edges of noise alone correlate by less than 0.1, those of materials that all changed places by 0.35."""
 
-_LARGEST_ERROR_PX = 0.3
+_LARGEST_ERROR_PX = 0.15
+"""Half of one difference scatters: the true error may be three times as large."""
+
 _SMALL_ERROR_PX = 0.1
 """With such an error the light is not smoothed more, which lessens noise but takes time."""
+
+_LEAST_EVENNESS = 0.02
+"""Ten dots of 10 % beside a border of 100 % have 0.03, and the displacement along it is 0.1 pixels wrong."""
 
 _SMOOTH_PX = (1.0, 2.0, 4.0)
 
@@ -39,11 +45,14 @@ class Shifts:
         (N,), of the pictures' edges after the displacement is undone: 1 where they are the same.
     stderr_px : ndarray
         (N,), root of the sum of both directions' squared standard errors.
+    evenness : float
+        Of the first picture's structure; see `evenness`.
     """
 
     shifts_px: NDArray[np.float64]
     correlations: NDArray[np.float64]
     stderr_px: NDArray[np.float64]
+    evenness: float
 
 
 def shifts(pictures: Sequence[NDArray[np.floating]], *, method: Method = "ecc", max_shift_px: float = 10.0) -> Shifts:
@@ -98,7 +107,7 @@ def _measured(edges: Iterator[Halves], smooth_px: float, method: Method, max_shi
         (one, of_one), (two, of_two) = pair
         found.append(((one + two) / 2.0, min(of_one, of_two), float(np.hypot(*(one - two))) / 2.0))
     shifts_px, correlations, stderr_px = (np.array(column) for column in zip(*found, strict=True))
-    return Shifts(shifts_px, correlations, stderr_px)
+    return Shifts(shifts_px, correlations, stderr_px, evenness(halves, smooth_px))
 
 
 def _is_correlated(found: Shifts) -> bool:
@@ -121,6 +130,12 @@ def _require_known(found: Shifts) -> None:
             f"first: {why}. They were not brought into line, and this direction has no map. See that the "
             "light was on and the sample in focus; put markers or a pattern on or beside it; expose longer; name a "
             "flat of the sensor; or take registration out of the recipe."
+        )
+    if found.evenness < _LEAST_EVENNESS:
+        raise ReductionError(
+            "What the pictures behind the analyzer show lies along one direction, like a straight border: how far they "
+            "are displaced along it cannot be seen. They were not brought into line, and this direction has no map. "
+            "Put markers or a pattern on or beside the sample, or take registration out of the recipe."
         )
 
 

@@ -144,8 +144,8 @@ def cut_mask(path):
     path.write_bytes(path.read_bytes()[:-20])
 
 
-def mask(height, width):
-    return lambda path: path.write_bytes(cv2.imencode(".png", np.zeros((height, width), np.uint8))[1].tobytes())
+def mask(height, width, value=0):
+    return lambda path: path.write_bytes(cv2.imencode(".png", np.full((height, width), value, np.uint8))[1].tobytes())
 
 
 UNFIT = {
@@ -159,6 +159,7 @@ UNFIT = {
     "folder": ("flat", lambda path: path.mkdir(), "cannot be read: "),
     "mask's size": ("bad_pixels", mask(480, 360), "is of 360 x 480 pixels"),
     "broken mask": ("bad_pixels", cut_mask, "is no mask of bad pixels"),
+    "inverted mask": ("bad_pixels", mask(360, 480, 255), r"marks 100\.0% of the pixels as bad, where black is good"),
     "no mask": ("bad_pixels", lambda path: path.write_text("hello"), "is no mask of bad pixels"),
 }
 

@@ -31,6 +31,23 @@ def pictures(drawing):
     return draw
 
 
+@pytest.mark.parametrize("method", ["ecc", "phase"])
+@pytest.mark.parametrize(("across", "dots"), [(1.0, 0.0), (1.0, 0.05), (0.3, 0.0)])
+def test_a_straight_border_does_not_tell_how_far_it_moved_along_itself(method, across, dots):
+    """Whatever little else there is, the picture's margin stands still, and would be followed instead."""
+    row, column = np.mgrid[0:200, 0:260].astype(float)
+    border = across / (1 + np.exp(np.clip((100.0 - column - 0.2 * row) / 0.8, -50, 50)))
+    places = np.random.default_rng(4).uniform((40, 40), (160, 220), (3, 2))
+
+    def picture(shift, low, high, seed):
+        spots = sum(np.exp(-((row - y - shift) ** 2 + (column - x - 0.2 * shift) ** 2) / 20) for y, x in places)
+        light = (low + (high - low) * border) * (1 - dots * spots)
+        return np.random.default_rng(seed).poisson(20_000 * light) / 20_000
+
+    with pytest.raises(ReductionError, match=r"lies along one direction, like a straight border.*Put markers or"):
+        shifts([picture(0.0, 1.0, 2.0, 0), picture(1.5, 1.6, 0.8, 1)], method=method)
+
+
 @pytest.mark.parametrize("exit_deg", [0.0, 60.0])
 def test_displacements_are_found_although_the_contrast_inverts(pictures, exit_deg):
     found = shifts(pictures(exit_deg, 0.02))

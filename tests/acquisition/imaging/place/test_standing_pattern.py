@@ -62,7 +62,7 @@ def test_dead_pixels_are_not_followed(pictures, method):
 def test_errors_are_as_large_as_stated(pictures):
     ratios = []
     for seed in range(12):
-        found = shifts(pictures(MOVED, 0.03, seed=seed, prnu=0.02))
+        found = shifts(pictures(MOVED, 0.04, seed=seed, prnu=0.02))
         ratios.append(np.square(found.shifts_px - MOVED)[1:].sum() / np.square(found.stderr_px).sum())
     assert 0.4 < np.sqrt(np.mean(ratios)) < 1.6
 
