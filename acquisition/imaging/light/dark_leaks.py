@@ -18,6 +18,9 @@ _FAR = 5.0
 """In standard deviations of one pixel: beside a steady drift, black levels wander by less from one dark frame to the
 next."""
 
+_PAUSE_S = 600.0
+"""A camera that was left alone for so long may have warmed up, or been switched off and on."""
+
 _FEWEST_STEPS = 3
 """Of two, one that is due to light would pass for half a drift."""
 
@@ -26,9 +29,9 @@ def refuse_light(settings: Mapping[Setting, Sequence[DarkPicture]], sensor: Sens
     """Refuse dark frames that light fell on, where others tell.
 
     A black level creeps and light comes at once: repeats must agree with those before and after them but for a steady
-    drift, however far they are from others. Over exposures at one gain levels must rise, and on a line where there are
-    three or more. A light that falls on all frames alike looks like dark current, one that grows slowly like drift;
-    they are not found.
+    drift, however far they are from others, and those on the other side of a long pause. Over exposures at one gain
+    levels must rise, and on a line where there are three or more. A light that falls on all frames alike looks like
+    dark current, one that grows slowly like drift; they are not found.
 
     Parameters
     ----------
@@ -54,6 +57,8 @@ def _refuse_sudden_light(pictures: Sequence[DarkPicture], far_counts: float) -> 
     in_time = sorted(pictures, key=lambda picture: picture.time_s)
     drift_per_s = _drift_per_s(in_time)
     for before, after in pairwise(in_time):
+        if after.time_s - before.time_s > _PAUSE_S:
+            continue
         step, drift = after.counts - before.counts, drift_per_s * (after.time_s - before.time_s)
         risen = step - min(max(step, min(drift, 0.0)), max(drift, 0.0))  # a drift may slow down, above all in a pause
         if abs(risen) > far_counts:

@@ -139,6 +139,20 @@ def test_a_drift_that_ends_in_a_pause_of_a_night_is_no_light():
     assert level.drift.counts(40_100.0) - level.drift.counts(90.0) == pytest.approx(2.0, abs=0.2)
 
 
+@pytest.mark.parametrize("pause_s", [10.0, 3600.0])
+def test_a_level_that_has_jumped_in_a_pause_is_another_one_from_then_on(pause_s):
+    frames = creeping(count=12, step=0.0)
+    jumped = [replace(one, counts=one.counts + np.uint16(60), time_s=one.time_s + pause_s) for one in frames[6:]]
+    if pause_s < 600.0:
+        with pytest.raises(ReductionError, match="light fell on it, or else the black level jumped"):
+            Dark(SENSOR, [*frames[:6], *jumped])
+        return
+    (level,) = Dark(SENSOR, [*frames[:6], *jumped]).levels
+    found = [level.drift.counts(time_s) for time_s in (-5.0, 25.0, jumped[0].time_s, jumped[-1].time_s + 5.0)]
+    assert_allclose(found, [-30.0, -30.0, 30.0, 30.0], atol=0.2)
+    assert level.drift.counts(jumped[0].time_s - 5.0) == pytest.approx(30.0, abs=0.3), "soon after it went on"
+
+
 def test_a_level_that_stands_still_does_not_drift():
     frames = [replace(flat_frame(100, 1.0), time_s=float(place)) for place in range(5)]
     frames[2].counts[0, :2] = 3_000
